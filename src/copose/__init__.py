@@ -1,0 +1,59 @@
+"""The most dexterous posture of several robot arms holding one object together.
+
+    problem = copose.load("problems/paper-fig2.toml")
+    solution = copose.solve(problem)
+
+Public names load what they need when they are first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from copose.errors import CoposeError, InputError
+from copose.version import __version__
+
+if TYPE_CHECKING:
+    from copose.capability import Ellipsoid
+    from copose.planning import Check, check, evaluate, solve, verify
+    from copose.problem import Problem, load, parse
+    from copose.report import draw
+    from copose.results import Solution, read_solution
+
+_HOMES = {
+    "Check": "planning",
+    "Ellipsoid": "capability",
+    "Problem": "problem",
+    "Solution": "results",
+    "check": "planning",
+    "draw": "report",
+    "evaluate": "planning",
+    "load": "problem",
+    "parse": "problem",
+    "read_solution": "results",
+    "solve": "planning",
+    "verify": "planning",
+}
+
+__all__ = [
+    "Check",
+    "CoposeError",
+    "Ellipsoid",
+    "InputError",
+    "Problem",
+    "Solution",
+    "__version__",
+    "check",
+    "draw",
+    "evaluate",
+    "load",
+    "parse",
+    "read_solution",
+    "solve",
+    "verify",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'copose' has no attribute {name!r}")
+    return getattr(import_module(f"copose.{_HOMES[name]}"), name)

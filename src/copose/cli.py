@@ -1,0 +1,228 @@
+"""The command `copose`."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+from copose.errors import InputError, one_line
+from copose.version import __version__
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from copose.planning.search import Progress
+    from copose.problem import Problem
+    from copose.results import Solution
+
+SOLVED, WRONG_INPUT, INFEASIBLE, FAILED = 0, 2, 3, 4
+_STATUS = {"solved": SOLVED, "infeasible": INFEASIBLE, "failed": FAILED}
+_PICTURE = "before_after.png"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit status."""
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(AttributeError, ValueError):
+            stream.reconfigure(errors="replace")  # type: ignore[union-attr]
+    try:
+        arguments = _parser().parse_args(argv)
+        status: int = arguments.run(arguments)
+        sys.stdout.flush()
+        return status
+    except InputError as error:
+        print(f"copose: {error}", file=sys.stderr)  # noqa: T201
+        return WRONG_INPUT
+    except BrokenPipeError:
+        # The reader has gone; what is left to print goes nowhere, without a complaint at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + 13
+    except KeyboardInterrupt:
+        print("copose: interrupted", file=sys.stderr)  # noqa: T201
+        return 128 + 2
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        # argparse would print its usage over several lines.
+        raise InputError(f"{one_line(message)} (see {self.prog} --help)")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="copose",
+        description="The most dexterous posture of several robot arms holding one object together.",
+    )
+    parser.add_argument("--version", action="version", version=f"copose {__version__}")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
+
+    solve = _command(commands, "solve", "find the best posture", _solve)
+    _add_outputs(solve)
+    solve.add_argument("--seed", type=_seed, metavar="N", help="in place of the file's seed")
+
+    evaluate = _command(commands, "evaluate", "the ellipsoids of the file's start", _evaluate)
+    _add_outputs(evaluate)
+    evaluate.add_argument(
+        "--joints", type=Path, metavar="RESULT.json", help="measure this result's posture instead"
+    )
+
+    _command(commands, "check", "read the file and the robots, and print the chains", _check)
+    return parser
+
+
+def _command(commands: object, name: str, text: str, run: object) -> argparse.ArgumentParser:
+    command: argparse.ArgumentParser = commands.add_parser(  # type: ignore[attr-defined]
+        name, help=text, description=f"{text[0].upper()}{text[1:]}."
+    )
+    command.add_argument("problem", type=Path, metavar="PROBLEM.toml", help="the problem file")
+    command.set_defaults(run=run)
+    return command
+
+
+def _add_outputs(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "-o", "--output", type=Path, metavar="DIR",
+        help="folder for result.json and before_after.png (default: the problem's name)",
+    )  # fmt: skip
+    command.add_argument(
+        "--figure", type=Path, metavar="FILE",
+        help="also draw a .png, .pdf or .svg; of an infeasible problem, its nearest miss",
+    )  # fmt: skip
+    command.add_argument("--quiet", action="store_true", help="print no table")
+    command.add_argument("--json", action="store_true", help="print the result instead of a table")
+
+
+def _seed(text: str) -> int:
+    value = int(text)
+    if not 0 <= value < 2**63:
+        raise ValueError
+    return value
+
+
+def _solve(arguments: argparse.Namespace) -> int:
+    folder, problem = _prepare(arguments)
+    from copose.planning import solve
+
+    if arguments.seed is not None:
+        search = problem.search.model_copy(update={"seed": arguments.seed})
+        problem = problem.model_copy(update={"search": search})
+    with _progress(arguments) as progress:
+        solution = solve(problem, progress=progress)
+    return _finish(solution, folder, arguments)
+
+
+def _evaluate(arguments: argparse.Namespace) -> int:
+    folder, problem = _prepare(arguments)
+    from copose.planning import evaluate
+    from copose.results import read_solution
+
+    joints = None
+    if arguments.joints is not None:
+        result = read_solution(arguments.joints)
+        if result.after is None:
+            raise InputError("has no posture: null", key="after", file=arguments.joints)
+        joints = result.after.joints
+    try:
+        solution = evaluate(problem, joints)
+    except InputError as error:
+        if error.file is None:
+            raise InputError(error.message, key=error.key, file=arguments.joints) from None
+        raise
+    return _finish(solution, folder, arguments)
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from copose.planning import check
+    from copose.problem import load
+    from copose.report import chains
+
+    found = check(load(arguments.problem))
+    _print(chains(found.problem.name, found.problem.task.space, found.arms, found.notes))
+    return SOLVED
+
+
+def _prepare(arguments: argparse.Namespace) -> tuple[Path, Problem]:
+    """The problem and the folder for its answer, both known to be usable before anything runs."""
+    from copose.problem import load
+    from copose.report import check_format
+
+    if arguments.figure is not None:
+        check_format(arguments.figure)
+        _check_folder(arguments.figure.parent)
+        if arguments.figure.is_dir():
+            raise InputError("is a folder; a file was expected", file=arguments.figure)
+    problem = load(arguments.problem)
+    folder = arguments.output if arguments.output is not None else Path(problem.name)
+    _check_folder(folder)
+    return folder, problem
+
+
+def _check_folder(folder: Path) -> None:
+    try:
+        existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    except OSError as error:
+        raise InputError(f"cannot be an output folder: {error.strerror}", file=folder) from None
+    if not existing.is_dir():
+        raise InputError("is a file; a folder was expected", file=existing)
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise InputError("is a folder that you may not write to", file=existing)
+
+
+def _finish(solution: Solution, folder: Path, arguments: argparse.Namespace) -> int:
+    """Write and print an answer."""
+    from copose.report import draw, picture, solution_table
+    from copose.results import to_json, write_file
+
+    text = to_json(solution)
+    if solution.status == "solved":
+        write_file(folder / _PICTURE, picture(solution, "png"))
+    else:
+        # A picture of an earlier answer would lie beside a result that has none.
+        with contextlib.suppress(OSError):
+            (folder / _PICTURE).unlink(missing_ok=True)
+    write_file(folder / "result.json", text.encode())
+    if arguments.figure is not None:
+        draw(solution, arguments.figure)
+    if arguments.json:
+        sys.stdout.write(text)
+    elif not arguments.quiet:
+        _print(solution_table(solution))
+        _print(f"written to {folder}")
+    if solution.reason is not None and (arguments.json or arguments.quiet):
+        print(f"copose: {solution.status}: {one_line(solution.reason)}", file=sys.stderr)  # noqa: T201
+    return _STATUS[solution.status]
+
+
+def _print(content: RenderableType) -> None:
+    from rich.console import Console
+
+    Console(highlight=False, soft_wrap=isinstance(content, str)).print(content)
+
+
+@contextlib.contextmanager
+def _progress(arguments: argparse.Namespace) -> Iterator[Progress | None]:
+    """A progress bar on a terminal, nothing in a pipe."""
+    if arguments.quiet or arguments.json or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Bar
+
+    columns = (
+        TextColumn("{task.description:<24}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f}%"),
+    )
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("building", total=1.0)
+        yield lambda what, done: bar.update(task, description=what, completed=done)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

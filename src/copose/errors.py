@@ -1,0 +1,71 @@
+"""The exceptions of copose: one root, one for wrong input."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+
+_LONGEST = 580
+
+
+class CoposeError(Exception):
+    """The root of every exception that copose raises on purpose."""
+
+
+class InputError(CoposeError):
+    """Wrong input: one line that names the file, the key, what was wrong and what would be right.
+
+    Args:
+        message: what was wrong and what would be right.
+        key: path of the key in the file, such as ``arms[1].grasp.position``.
+        file: the file at fault.
+    """
+
+    def __init__(self, message: str, *, key: str = "", file: str | Path | None = None) -> None:
+        self.message = message
+        self.key = key
+        self.file = file
+        super().__init__(message)
+
+    def __str__(self) -> str:
+        where = [str(self.file) if self.file is not None else "", self.key]
+        return one_line(": ".join([part for part in where if part] + [self.message]))
+
+
+def one_line(text: str) -> str:
+    """Text with control characters replaced and its middle cut out where it is too long."""
+    clean = "".join(c if c.isprintable() else " " for c in text)
+    if len(clean) > _LONGEST:
+        clean = clean[: _LONGEST // 2] + " … " + clean[-_LONGEST // 2 :]
+    return clean
+
+
+def shown(value: object) -> str:
+    """A value as it may stand in a message: its repr, shortened."""
+    if isinstance(value, (dict, list, tuple)) and len(value) > 12:
+        kind = "a table" if isinstance(value, dict) else "an array"
+        return f"{kind} of {len(value)} entries"
+    text = one_line(repr(_as_lists(value)))
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+def _as_lists(value: object) -> object:
+    if isinstance(value, tuple):
+        return [_as_lists(entry) for entry in value]
+    return value
+
+
+def nearest(name: str, legal: Iterable[str]) -> str:
+    """A hint «; did you mean 'x'?» with the legal name nearest to a wrong one, or the legal names.
+
+    Args:
+        name: the name that was not found.
+        legal: every name that would have been right.
+    """
+    names = sorted(set(legal))
+    close = difflib.get_close_matches(name[:100], names, n=1, cutoff=0.5)
+    if close:
+        return f"; did you mean {close[0]!r}?"
+    listed = ", ".join(names)
+    return f"; allowed: {listed}" if names and len(listed) <= 240 else ""

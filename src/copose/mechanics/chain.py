@@ -1,0 +1,113 @@
+"""Where an arm's joints and tip are, as CasADi expressions of its joint positions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from copose.poses import Array, Pose
+from copose.robots import Arm, Joint
+
+
+def constant(values: Array) -> ca.SX:
+    """Numbers as an expression in which exact zeros cost nothing."""
+    return ca.SX(ca.sparsify(ca.DM(values)))
+
+
+def multiply_quaternions(a: ca.SX, b: ca.SX) -> ca.SX:
+    """Hamilton product a ⊗ b of quaternions [w, x, y, z]."""
+    return ca.vertcat(
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    )
+
+
+def rotation_of(quaternion: ca.SX) -> ca.SX:
+    """Rotation matrix of a unit quaternion [w, x, y, z]."""
+    w, x, y, z = ca.vertsplit(quaternion)
+    return ca.blockcat(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A frame in the arm's root frame: origin, axes, and the quaternion along the chain."""
+
+    position: ca.SX
+    rotation: ca.SX
+    quaternion: ca.SX
+
+    def moved(self, pose: Pose) -> Frame:
+        """The frame that ``pose`` places in this one."""
+        return Frame(
+            self.position + self.rotation @ constant(pose.position),
+            self.rotation @ constant(pose.rotation),
+            multiply_quaternions(self.quaternion, ca.SX(ca.DM(pose.quaternion))),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Frames of an arm at joint positions q, in its root frame.
+
+    The root frame and not the world's: what is computed far from the origin loses digits.
+
+    Attributes:
+        arm: the numbers.
+        q: joint positions, (n,).
+        frames: joint frames after each joint's motion, root to tip.
+        axes: unit joint axes, (3,) each.
+        tip: tip frame.
+    """
+
+    arm: Arm
+    q: ca.SX
+    frames: tuple[Frame, ...]
+    axes: tuple[ca.SX, ...]
+    tip: Frame
+
+    @classmethod
+    def of(cls, arm: Arm, q: ca.SX) -> Chain:
+        """The chain of an arm at joint positions q."""
+        frame = Frame(ca.SX(3, 1), ca.SX.eye(3), ca.SX(ca.DM([1, 0, 0, 0])))
+        frames, axes = [], []
+        for i, joint in enumerate(arm.joints):
+            frame = _turned(frame.moved(joint.placement), joint, q[i])
+            frames.append(frame)
+            axes.append(frame.rotation @ constant(joint.axis))
+        return cls(arm, q, tuple(frames), tuple(axes), frame.moved(arm.tip))
+
+    def jacobian(self) -> ca.SX:
+        """Geometric Jacobian of the tip's origin, linear over angular, root axes, (6, n)."""
+        columns = []
+        for joint, frame, axis in zip(self.arm.joints, self.frames, self.axes, strict=True):
+            if joint.kind == "revolute":
+                arm_to_tip = self.tip.position - frame.position
+                columns.append(ca.vertcat(ca.cross(axis, arm_to_tip), axis))
+            else:
+                columns.append(ca.vertcat(axis, ca.SX(3, 1)))
+        return ca.horzcat(*columns)
+
+
+def _turned(frame: Frame, joint: Joint, q: ca.SX) -> Frame:
+    """The frame after its joint has moved by q."""
+    if joint.kind == "prismatic":
+        shift = frame.rotation @ constant(joint.axis) * q
+        return Frame(frame.position + shift, frame.rotation, frame.quaternion)
+    along = np.outer(joint.axis, joint.axis)
+    x, y, z = joint.axis
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turn = constant(along) + constant(np.eye(3) - along) * ca.cos(q) + constant(skew) * ca.sin(q)
+    half = ca.vertcat(ca.cos(q / 2), ca.SX(ca.DM(joint.axis)) * ca.sin(q / 2))
+    return Frame(
+        frame.position, frame.rotation @ turn, multiply_quaternions(frame.quaternion, half)
+    )

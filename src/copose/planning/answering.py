@@ -1,0 +1,75 @@
+"""Measurements put together into a result."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from copose.planning.cell import Cell
+from copose.planning.measuring import Measurement
+from copose.planning.notes import standing_notes
+from copose.planning.objectives import Objective
+from copose.results import (
+    EllipsoidRecord,
+    ObjectiveRecord,
+    Posture,
+    ProblemRecord,
+    SearchRecord,
+    Solution,
+    Timing,
+)
+from copose.version import __version__
+
+
+def answer(
+    cell: Cell,
+    objective: Objective,
+    *,
+    status: Literal["solved", "infeasible", "failed"],
+    timing: Timing,
+    reason: str | None = None,
+    notes: tuple[str, ...] = (),
+    before: Measurement | None = None,
+    after: Measurement | None = None,
+    miss: Measurement | None = None,
+    search: SearchRecord | None = None,
+) -> Solution:
+    """The result of what was measured."""
+    notes = (*standing_notes(cell), *notes)
+    for when, measured in (("before", before), ("after", after)):
+        if measured is not None:
+            notes += tuple(f"{when}: {note}" for note in measured.notes)
+    return Solution(
+        copose=__version__,
+        problem=ProblemRecord(
+            name=cell.problem.name,
+            space=cell.problem.task.space,
+            shape=cell.problem.object.shape,
+        ),
+        status=status,
+        reason=reason,
+        notes=notes,
+        objective=ObjectiveRecord(
+            kind=objective.kind,
+            unit=objective.unit,
+            before=_value(objective, before),
+            after=_value(objective, after),
+        ),
+        joint_names={arm.name: arm.joint_names for arm in cell.arms},
+        before=before.posture if before is not None else None,
+        after=after.posture if after is not None else None,
+        nearest_miss=_open(miss) if miss is not None else None,
+        search=search,
+        timing=timing,
+    )
+
+
+def _value(objective: Objective, measured: Measurement | None) -> float | None:
+    if measured is None or measured.ellipsoid is None:
+        return None
+    return objective.value(measured.ellipsoid)
+
+
+def _open(measured: Measurement) -> Posture:
+    """A posture without the system's ellipsoid: arms that do not hold the object have none."""
+    m = len(measured.posture.ellipsoid.center)
+    return measured.posture.model_copy(update={"ellipsoid": EllipsoidRecord.of(None, m)})

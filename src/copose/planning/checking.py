@@ -1,0 +1,29 @@
+"""What a problem file amounts to, before anything is solved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from copose.planning.cell import Cell
+from copose.planning.notes import doubts
+from copose.problem import Problem
+from copose.robots import Arm
+
+
+@dataclass(frozen=True, eq=False)
+class Check:
+    """A problem that can be solved: its chains as they were read, and what is doubtful."""
+
+    problem: Problem
+    arms: tuple[Arm, ...]
+    notes: tuple[str, ...]
+
+
+def check(problem: Problem) -> Check:
+    """Read the robots of a problem and look for what is wrong or doubtful.
+
+    Raises:
+        InputError: what is wrong.
+    """
+    cell = Cell.of(problem)
+    return Check(problem, cell.arms, doubts(cell))

@@ -1,0 +1,146 @@
+"""The ellipsoids of a given posture, and whether a result's numbers are what it says."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from copose.errors import InputError, nearest
+from copose.planning.answering import answer
+from copose.planning.cell import Cell
+from copose.planning.measuring import Measurement, Meter
+from copose.planning.objectives import OBJECTIVES
+from copose.poses import Array
+from copose.problem import Problem
+from copose.results import EllipsoidRecord, Posture, Solution, Timing
+
+# What a given posture may miss its grasp or a limit by before it counts as open.
+TOLERANCE = 1e-6
+
+
+def evaluate(problem: Problem, joints: Mapping[str, Sequence[float]] | None = None) -> Solution:
+    """The ellipsoids of a posture, neither projected nor optimised.
+
+    Args:
+        problem: as read by `copose.load`.
+        joints: joint positions by arm, rad or m; default the ``start`` of every arm.
+
+    Returns:
+        A solution with the posture as ``after``; ``infeasible`` where it is open or breaks a limit.
+
+    Raises:
+        InputError: an arm has no start, or ``joints`` do not fit the arms.
+    """
+    began = time.perf_counter()
+    cell = Cell.of(problem)
+    q = _starts(cell) if joints is None else _given(cell, joints)
+    meter = Meter(cell)
+    built = time.perf_counter()
+    measured = meter.measure(q)
+    fault = next(_faults(cell, q, measured), None)
+    return answer(
+        cell,
+        OBJECTIVES[problem.objective.kind],
+        status="solved" if fault is None else "infeasible",
+        reason=fault,
+        after=measured if fault is None else None,
+        miss=measured if fault is not None else None,
+        timing=Timing(build_s=built - began, search_s=time.perf_counter() - built),
+    )
+
+
+def _starts(cell: Cell) -> list[Array]:
+    starts = []
+    for i, arm in enumerate(cell.arms):
+        if arm.start is None:
+            raise InputError(
+                "missing; to evaluate a posture give every arm a start, or name a result",
+                key=f"arms[{i}].start",
+                file=cell.problem.source,
+            )
+        starts.append(arm.start)
+    return starts
+
+
+def _given(cell: Cell, joints: Mapping[str, Sequence[float]]) -> list[Array]:
+    names = [arm.name for arm in cell.arms]
+    for name in joints:
+        if name not in names:
+            raise InputError(f"no arm is called {name!r}{nearest(name, names)}", key="joints")
+    given = []
+    for arm in cell.arms:
+        q = np.array(joints.get(arm.name, ()), dtype=float)
+        if q.shape != (arm.n,) or not np.all(np.isfinite(q)):
+            raise InputError(
+                f"{arm.n} finite numbers are needed, for {', '.join(arm.joint_names)}",
+                key=f"joints.{arm.name}",
+            )
+        given.append(q)
+    return given
+
+
+def _faults(cell: Cell, q: Sequence[Array], measured: Measurement) -> Iterator[str]:
+    for arm, positions in zip(cell.arms, q, strict=True):
+        for joint, position in zip(arm.joints, positions, strict=True):
+            beyond = max(joint.lower - position, position - joint.upper)
+            if beyond > TOLERANCE:
+                yield (
+                    f"arm {arm.name!r}: joint {joint.name!r} at {position:.6g} is {beyond:.4g} "
+                    f"beyond its limits {joint.lower:g} … {joint.upper:g}"
+                )
+    for name, error in measured.posture.closure_error.items():
+        if error > TOLERANCE:
+            unit = "m or rad" if cell.system.space.rigid else "m"
+            yield f"arm {name!r} misses its grasp by {error:.4g} {unit}"
+
+
+def verify(problem: Problem, solution: Solution) -> tuple[str, ...]:
+    """Recompute every number of a result from its joints; say what does not agree.
+
+    Returns:
+        One sentence per disagreement beyond 1e-8 relative; empty where the result is right.
+    """
+    cell = Cell.of(problem)
+    meter = Meter(cell)
+    objective = OBJECTIVES[problem.objective.kind]
+    wrong = []
+    for when in ("before", "after"):
+        stated: Posture | None = getattr(solution, when)
+        if stated is None:
+            continue
+        joints = _given(cell, stated.joints)
+        measured = meter.measure(joints)
+        wrong += [f"{when}: {fault}" for fault in _faults(cell, joints, measured)]
+        wrong += [f"{when}: {key}" for key in _differences(stated, measured.posture)]
+        value = getattr(solution.objective, when)
+        if measured.ellipsoid is not None and not _near(value, objective.value(measured.ellipsoid)):
+            wrong.append(f"{when}: the objective is {objective.value(measured.ellipsoid)!r}")
+    return tuple(wrong)
+
+
+def _differences(stated: Posture, measured: Posture) -> Iterator[str]:
+    pairs = [("ellipsoid", stated.ellipsoid, measured.ellipsoid)]
+    for name, arm in measured.arms.items():
+        if name not in stated.arms:
+            yield f"arms.{name} is missing"
+            continue
+        pairs.append((f"arms.{name}.ellipsoid", stated.arms[name].ellipsoid, arm.ellipsoid))
+        if not _near(stated.arms[name].skeleton, arm.skeleton):
+            yield f"arms.{name}.skeleton does not follow from the joints"
+    for where, one, other in pairs:
+        for key in EllipsoidRecord.model_fields:
+            if not _near(getattr(one, key), getattr(other, key)):
+                yield f"{where}.{key} does not follow from the joints"
+    if not _near(stated.object.position, measured.object.position):
+        yield "object.position is not the problem's"
+
+
+def _near(one: object, other: object) -> bool:
+    if one is None or other is None:
+        return one is other
+    a, b = np.array(one, dtype=float), np.array(other, dtype=float)
+    return a.shape == b.shape and bool(
+        np.allclose(a, b, rtol=1e-8, atol=1e-8 * max(float(np.abs(b).max()), 1e-300))
+    )

@@ -1,0 +1,102 @@
+"""What a posture is worth, from its joint positions alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from copose.capability import Ellipsoid, own_torque_map, torque_maps
+from copose.planning.cell import Cell
+from copose.poses import Array
+from copose.results import ArmRecord, EllipsoidRecord, Posture, matrix, place, vector
+
+# Below this ratio of singular values a Jacobian counts as rank-deficient: nothing that a
+# pseudoinverse says of such a direction would be known to a single digit.
+RANK_TOLERANCE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """A measured posture and what kept numbers from existing.
+
+    Attributes:
+        posture: the record of a result.
+        ellipsoid: the system's, None where its volume is zero.
+        notes: why numbers are missing.
+    """
+
+    posture: Posture
+    ellipsoid: Ellipsoid | None
+    notes: tuple[str, ...]
+
+
+class Meter:
+    """Measures postures of one cell; built once, used for every number of a result."""
+
+    def __init__(self, cell: Cell) -> None:
+        """Build the functions that evaluate a posture."""
+        self._cell = cell
+        system = cell.system
+        self._arms = [
+            ca.Function(
+                "arm",
+                [arm.q, system.object.parameters],
+                [*system.pose_error(i), arm.J, own_torque_map(arm), block, arm.skeleton],
+            )
+            for i, (arm, block) in enumerate(zip(system.arms, torque_maps(system), strict=True))
+        ]
+
+    def measure(self, joints: Sequence[Array]) -> Measurement:
+        """The ellipsoids, the closure and the skeletons of a posture.
+
+        Args:
+            joints: positions by arm, (n_i,) each.
+        """
+        cell = self._cell
+        m, rows = cell.system.space.m, list(cell.system.space.linear)
+        errors, records, blocks, notes = {}, {}, [], []
+        for arm, function, q in zip(cell.arms, self._arms, joints, strict=True):
+            numbers = [np.array(value) for value in function(q, cell.parameters)]
+            gap, turn, J, own, block, skeleton = numbers
+            errors[arm.name] = closure_error(gap[rows], turn, cell.system.space.rigid)
+            rank = _rank(J)
+            if rank < m:
+                notes.append(
+                    f"volume 0: the Jacobian of arm {arm.name!r} has rank {rank} of {m} here"
+                )
+            single = Ellipsoid.from_factor(own) if rank == m and _finite(own) else None
+            records[arm.name] = ArmRecord(
+                skeleton=matrix(skeleton.T), ellipsoid=EllipsoidRecord.of(single, m)
+            )
+            blocks.append(block)
+        A_o = np.vstack(blocks)
+        ellipsoid = Ellipsoid.from_factor(A_o) if not notes and _finite(A_o) else None
+        posture = Posture(
+            joints={arm.name: vector(q) for arm, q in zip(cell.arms, joints, strict=True)},
+            object=place(cell.problem.object.pose, cell.problem.space.planar),
+            closure_error=errors,
+            ellipsoid=EllipsoidRecord.of(ellipsoid, m),
+            arms=records,
+        )
+        return Measurement(posture, ellipsoid, tuple(notes))
+
+
+def closure_error(gap: Array, turn: Array, rigid: bool) -> float:
+    """The larger of position error, m, and angle error θ = 2 atan2(|v|, |w|), rad."""
+    distance = float(np.linalg.norm(gap))
+    w, *v = turn.ravel()
+    angle = 2 * math.atan2(float(np.linalg.norm(v)), abs(float(w)))
+    return max(distance, angle) if rigid else distance
+
+
+def _rank(J: Array) -> int:
+    values = np.linalg.svd(J, compute_uv=False)
+    return int(np.sum(values > RANK_TOLERANCE * max(values[0], 1e-300)))
+
+
+def _finite(values: Array) -> bool:
+    return bool(np.all(np.isfinite(values)))

@@ -1,0 +1,87 @@
+"""Why no posture closes the chain: which arm, and by how much it misses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from copose.planning.cell import Cell
+from copose.planning.search import ArmSample
+from copose.poses import Array
+
+_TRIED = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Miss:
+    """The nearest that an arm comes to its grasp.
+
+    Attributes:
+        q: joint positions there, (n,).
+        reason: a sentence with the arm and the gap.
+    """
+
+    q: Array
+    reason: str
+
+
+def nearest_miss(cell: Cell, i: int, sample: ArmSample) -> Miss:
+    """The posture of arm i nearest to its grasp, and what keeps it from it.
+
+    Position first: only where the tip reaches the place is the orientation what is missing.
+    """
+    from scipy.optimize import least_squares
+
+    system, name = cell.system, cell.arms[i].name
+    gap, turn = system.pose_error(i)
+    gap = gap[[row for row in system.space.rows if row < 3]]
+    inputs = [system.arms[i].q, system.object.parameters]
+    position = _function(inputs, gap)
+    full = _function(inputs, system.closure(i))
+    pose_error = ca.Function("pose_error", inputs, [gap, turn])
+
+    def nearest(function: ca.Function) -> Array:
+        def residual(q: Array) -> Array:
+            return np.array(function(q, cell.parameters)[0]).ravel()
+
+        def slope(q: Array) -> Array:
+            return np.array(function(q, cell.parameters)[1])
+
+        bounds = (cell.lower[i], cell.upper[i])
+        low, high = np.nextafter(bounds[0], np.inf), np.nextafter(bounds[1], -np.inf)
+        ends = [
+            least_squares(
+                residual,
+                np.clip(q, low, high),
+                jac=slope,
+                bounds=bounds,
+                xtol=1e-12,
+                ftol=1e-12,
+                gtol=1e-12,
+            )
+            for q in sample.missed[:_TRIED]
+        ]
+        best = min(ends, key=lambda end: float(end.cost))
+        return cell.wrapped(i, np.clip(best.x, *bounds))
+
+    q = nearest(position)
+    distance = float(np.linalg.norm(np.array(pose_error(q, cell.parameters)[0])))
+    if distance > 1e-6 or not system.space.rigid:
+        return Miss(
+            q, f"arm {name!r} cannot reach its grasp: the nearest its tip comes is {distance:.4g} m"
+        )
+    q = nearest(full)
+    gap_there, turn_there = (np.array(x).ravel() for x in pose_error(q, cell.parameters))
+    angle = 2 * math.atan2(float(np.linalg.norm(turn_there[1:])), abs(float(turn_there[0])))
+    return Miss(
+        q,
+        f"arm {name!r} reaches the place of its grasp but not its orientation: the nearest it "
+        f"comes is {float(np.linalg.norm(gap_there)):.4g} m and {math.degrees(angle):.4g}°",
+    )
+
+
+def _function(inputs: list[ca.SX], residual: ca.SX) -> ca.Function:
+    return ca.Function("residual", inputs, [residual, ca.jacobian(residual, inputs[0])])

@@ -1,0 +1,154 @@
+"""From pydantic's faults to one line in the words of a problem file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from copose.errors import InputError, nearest, shown
+
+_WANTED = {
+    "bool_type": "must be true or false",
+    "dict_type": "must be a table",
+    "finite_number": "must be finite",
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "model_attributes_type": "must be a table",
+    "model_type": "must be a table",
+    "string_type": "must be a text",
+    "tuple_type": "must be an array",
+}
+
+
+def explain(error: ValidationError, model: type[BaseModel], source: Path | None) -> InputError:
+    """The first fault, with its key and what would be right, and how many more there are.
+
+    Unknown keys come first: a misspelt key is also a missing one.
+    """
+    faults = sorted(
+        error.errors(include_url=False), key=lambda fault: fault["type"] != "extra_forbidden"
+    )
+    owner, location = _owner(model, tuple(faults[0]["loc"]))
+    context = faults[0].get("ctx", {})
+    if faults[0]["type"] == "missing" and isinstance(location[-1], int):
+        location = location[:-1]
+    text = _text(faults[0], owner, faults)
+    if len(faults) > 1:
+        text += f" (and {len(faults) - 1} more)"
+    return InputError(text, key=str(context.get("key", _key(location))), file=source)
+
+
+def _text(fault: ErrorDetails, owner: type[BaseModel] | None, faults: list[ErrorDetails]) -> str:
+    kind, value, context = fault["type"], fault["input"], fault.get("ctx", {})
+    match kind:
+        case "missing" if isinstance(fault["loc"][-1], int):
+            place = fault["loc"][:-1]
+            last = [f["loc"][-1] for f in faults if f["type"] == kind and f["loc"][:-1] == place][
+                -1
+            ]
+            return f"has {len(value)} entries; {int(last) + 1} are needed"
+        case "missing":
+            return "missing"
+        case "extra_forbidden":
+            legal = owner.model_fields if owner is not None else {}
+            return f"unknown key{nearest(str(fault['loc'][-1]), legal)}"
+        case "literal_error":
+            text = f"{shown(value)} is not allowed; allowed: {context['expected']}"
+            words = str(context["expected"]).replace(" or ", ", ").replace("'", "").split(", ")
+            hint = nearest(value, words) if isinstance(value, str) and len(words) > 1 else ""
+            return text + (hint if "did you mean" in hint else "")
+        case "union_tag_invalid":
+            return f"kind {shown(context['tag'])} is not allowed here; allowed: " + str(
+                context["expected_tags"]
+            )
+        case "union_tag_not_found":
+            return "missing kind"
+        case "copose_key":
+            return fault["msg"]
+        case "copose":
+            return fault["msg"] if _is_long(value) else f"{shown(value)}: {fault['msg']}"
+        case "too_short":
+            return (
+                f"has {context['actual_length']} entries; at least {context['min_length']} needed"
+            )
+        case "too_long":
+            actual = context["actual_length"]
+            counted = f"has {actual} entries; " if actual is not None else "has too many entries; "
+            return counted + f"at most {context['max_length']} allowed"
+        case "greater_than_equal" if 0 < context["ge"] < 1e-6:
+            return f"{shown(value)} must be above zero (at least {context['ge']:g})"
+        case "greater_than_equal":
+            return f"{shown(value)} must be at least {context['ge']:g}"
+        case "less_than_equal":
+            return f"{shown(value)} must be at most {context['le']:g}"
+        case _ if kind in _WANTED:
+            return f"{shown(value)} {_WANTED[kind]}"
+        case _:
+            return f"{shown(value)}: {fault['msg'][:1].lower()}{fault['msg'][1:]}"
+
+
+def _is_long(value: object) -> bool:
+    return isinstance(value, Mapping) or (
+        isinstance(value, tuple) and any(isinstance(entry, Mapping) for entry in value)
+    )
+
+
+def _key(location: tuple[int | str, ...]) -> str:
+    text = ""
+    for part in location:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text
+
+
+def _owner(
+    model: type[BaseModel], location: tuple[int | str, ...]
+) -> tuple[type[BaseModel] | None, tuple[int | str, ...]]:
+    """The table in which a location ends, and the location without pydantic's union tags."""
+    owner: type[BaseModel] | None = model
+    annotation: Any = model
+    path: list[int | str] = []
+    for depth, part in enumerate(location):
+        tagged = _tagged(annotation, part)
+        if tagged is not None:
+            annotation = owner = tagged
+            continue
+        path.append(part)
+        if isinstance(part, int):
+            continue
+        table = _table(annotation)
+        if table is None or part not in table.model_fields:
+            owner = table
+            annotation = None
+            continue
+        owner = table
+        annotation = table.model_fields[part].annotation
+        if depth + 1 == len(location):
+            break
+    return owner, tuple(path)
+
+
+def _tables(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [
+        table for argument in getattr(annotation, "__args__", ()) for table in _tables(argument)
+    ]
+
+
+def _table(annotation: Any) -> type[BaseModel] | None:
+    tables = _tables(annotation)
+    return tables[0] if tables else None
+
+
+def _tagged(annotation: Any, part: int | str) -> type[BaseModel] | None:
+    """The member of a union by ``kind`` that pydantic names in a location."""
+    tables = _tables(annotation)
+    for table in tables if len(tables) > 1 else []:
+        kind = table.model_fields.get("kind")
+        if kind is not None and part in getattr(kind.annotation, "__args__", ()):
+            return table
+    return None

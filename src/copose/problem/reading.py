@@ -1,0 +1,102 @@
+"""From a TOML file to a problem, or to one line that says what is wrong with it."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from copose.errors import InputError
+from copose.problem.messages import explain
+from copose.problem.spaces import SPACES
+from copose.problem.spec import PlanarProblem, Problem, SpatialProblem
+
+_MOST_BYTES = 1_000_000
+_DEEPEST = 20
+
+
+def read_text(path: Path, most_bytes: int = _MOST_BYTES) -> str:
+    """The text of a file, with every way in which it may be unreadable named."""
+    try:
+        if path.is_dir():
+            raise InputError("is a folder; a file was expected", file=path)
+        if not path.is_file():
+            raise InputError("no such file", file=path)
+        size = path.stat().st_size
+        if size > most_bytes:
+            raise InputError(f"is {size} bytes long; at most {most_bytes} are read", file=path)
+        return path.read_bytes().decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"is not UTF-8 text (byte {error.start})", file=path) from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot be read: {reason}", file=path) from None
+
+
+def load(path: str | Path) -> Problem:
+    """Read a problem file.
+
+    Raises:
+        InputError: the file cannot be read, is not TOML, or breaks a rule of the format; the
+            message names the first fault and how many more there are.
+    """
+    file = Path(path)
+    text = read_text(file)
+    try:
+        data = tomllib.loads(text)
+    except RecursionError:
+        raise InputError("is nested too deeply", file=file) from None
+    except ValueError as error:
+        raise InputError(f"is not TOML: {error}", file=file) from None
+    return parse(data, source=file)
+
+
+def parse(data: Mapping[str, Any], source: Path | None = None) -> Problem:
+    """A problem from the same tables as a dict.
+
+    Args:
+        data: what a TOML reader makes of a problem file.
+        source: the file it came from; relative paths in it start there.
+
+    Raises:
+        InputError: as for `load`.
+    """
+    _check_depth(data, source)
+    task = data.get("task")
+    name = task.get("space") if isinstance(task, Mapping) else None
+    space = SPACES.get(name) if isinstance(name, str) else None
+    model: type[Problem] = PlanarProblem if space is not None and space.planar else SpatialProblem
+    try:
+        problem = model.model_validate(_as_tuples(data))
+    except ValidationError as error:
+        raise explain(error, model, source) from None
+    problem._source = source
+    return problem
+
+
+def _check_depth(data: Mapping[str, Any], source: Path | None) -> None:
+    level: list[object] = [data]
+    for _ in range(_DEEPEST):
+        level = [child for node in level for child in _children(node)]
+        if not level:
+            return
+    raise InputError(f"is nested more than {_DEEPEST} levels deep", file=source)
+
+
+def _children(node: object) -> Iterator[object]:
+    if isinstance(node, Mapping):
+        yield from node.values()
+    elif isinstance(node, (list, tuple)):
+        yield from node
+
+
+def _as_tuples(node: Any) -> Any:
+    """Arrays as tuples: a frozen problem holds nothing that can be changed."""
+    if isinstance(node, Mapping):
+        return {key: _as_tuples(value) for key, value in node.items()}
+    if isinstance(node, (list, tuple)):
+        return tuple(_as_tuples(value) for value in node)
+    return node

@@ -1,0 +1,60 @@
+"""Figures of results as files."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+from copose.errors import InputError
+from copose.problem import SPACES
+from copose.report import style
+from copose.results import Solution, write_file
+
+FORMATS = (".png", ".pdf", ".svg")
+
+
+def check_format(path: Path) -> None:
+    """Refuse a file name whose ending names no known format.
+
+    Raises:
+        InputError: listing the endings that would be right.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(
+            f"{path.suffix or 'no ending'}: a picture ends in {', '.join(FORMATS)}", file=path
+        )
+
+
+def picture(solution: Solution, kind: str) -> bytes:
+    """A result's picture as a file's content.
+
+    Args:
+        solution: with at least one posture.
+        kind: png, pdf or svg.
+    """
+    import matplotlib
+
+    from copose.report.planar import planar_figure
+    from copose.report.spatial import spatial_figure
+
+    # The date that these formats carry would make the same result look different every time.
+    metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
+    with matplotlib.rc_context(style.RC):
+        planar = SPACES[solution.problem.space].planar
+        figure = planar_figure(solution) if planar else spatial_figure(solution)
+        sink = io.BytesIO()
+        figure.savefig(sink, format=kind, dpi=120, facecolor="white", metadata=metadata)
+    return sink.getvalue()
+
+
+def draw(solution: Solution, path: str | Path) -> None:
+    """Draw a result's postures into a .png, .pdf or .svg file.
+
+    Raises:
+        InputError: the file cannot be written, or the result has no posture to draw.
+    """
+    file = Path(path)
+    check_format(file)
+    if not style.panels(solution):
+        raise InputError(f"no posture to draw: {solution.reason}")
+    write_file(file, picture(solution, file.suffix.lower()[1:]))

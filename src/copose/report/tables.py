@@ -1,0 +1,126 @@
+"""Results and checks as tables on a terminal."""
+
+from __future__ import annotations
+
+import math
+
+from rich.console import Group, RenderableType
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from copose.problem import SPACES
+from copose.report import style
+from copose.results import EllipsoidRecord, Solution
+from copose.robots import Arm
+
+
+def solution_table(solution: Solution) -> RenderableType:
+    """What a result says, in the order in which a reader asks."""
+    parts: list[RenderableType] = []
+    head = f"[bold]{escape(solution.problem.name)}[/bold]: {solution.status}"
+    if solution.reason:
+        head += f": {escape(solution.reason)}"
+    parts.append(Text.from_markup(head))
+    if solution.after is not None:
+        parts += [_numbers(solution), _joints(solution)]
+    parts.append(Text.from_markup(_evidence(solution)))
+    parts += [Text.from_markup(f"[dim]note: {escape(note)}[/dim]") for note in solution.notes]
+    return Group(*parts)
+
+
+def _numbers(solution: Solution) -> Table:
+    after = solution.after
+    assert after is not None
+    compared = solution.before is not None
+    table = Table(show_edge=False, pad_edge=False)
+    table.add_column("")
+    if compared:
+        table.add_column("before", justify="right")
+    table.add_column("after" if compared else "posture", justify="right")
+    table.add_column("")
+
+    def row(name: str, before: str, now: str, words: str = "") -> None:
+        table.add_row(*([name, before, now, words] if compared else [name, now, words]))
+
+    objective = solution.objective
+    name = "log-volume" if objective.kind == "volume" else objective.kind
+    row(name, _value(objective.before), _value(objective.after), style.gain_words(solution))
+    space = SPACES[solution.problem.space]
+    slices = [("semi-axes", space.linear, style.LINEAR_UNIT)]
+    if space.rigid:
+        slices = [
+            ("linear semi-axes", space.linear, style.LINEAR_UNIT),
+            ("angular semi-axes", space.angular, style.ANGULAR_UNIT),
+        ]
+    before = solution.before.ellipsoid if solution.before is not None else None
+    for title, rows, unit in slices:
+        row(title, _radii(before, rows), _radii(after.ellipsoid, rows), unit)
+    errors = [p.closure_error for p in (solution.before, after) if p is not None]
+    closure = [f"{max(error.values()):.1e}" for error in errors]
+    row("closure error", closure[0], closure[-1], "m, rad" if space.rigid else "m")
+    return table
+
+
+def _radii(record: EllipsoidRecord | None, rows: tuple[int, ...]) -> str:
+    ellipsoid = record.value if record is not None else None
+    return "–" if ellipsoid is None else style.numbers(tuple(ellipsoid.sliced(rows).radii))
+
+
+def _value(value: float | None) -> str:
+    return "–" if value is None else f"{value:.6f}"
+
+
+def _joints(solution: Solution) -> Table:
+    after = solution.after
+    assert after is not None
+    table = Table(show_edge=False, pad_edge=False)
+    table.add_column("arm")
+    table.add_column("joints after, rad or m" if solution.before is not None else "joints")
+    for name, positions in after.joints.items():
+        table.add_row(escape(name), " ".join(f"{position:.4f}" for position in positions))
+    return table
+
+
+def _evidence(solution: Solution) -> str:
+    timing = solution.timing
+    seconds = f"built in {timing.build_s:.2f} s, searched {timing.search_s:.2f} s"
+    search = solution.search
+    if search is None or not search.local_optima:
+        return seconds
+    best = search.local_optima
+    listed = ", ".join(f"{o.objective:.6f}" + (f" ×{o.count}" if o.count > 1 else "") for o in best)
+    return (
+        f"{len(best)} local optima from {search.starts} starts (seed {search.seed}): {listed}\n"
+        + seconds
+    )
+
+
+def chains(name: str, space: str, arms: tuple[Arm, ...], notes: tuple[str, ...]) -> RenderableType:
+    """The chains as they were read: joints in order, limits, efforts, what was locked."""
+    parts: list[RenderableType] = [Text.from_markup(f"[bold]{escape(name)}[/bold]: {space}")]
+    for arm in arms:
+        table = Table(
+            title=f"{escape(arm.name)}: {escape(arm.model)}, {arm.n} joints",
+            title_justify="left",
+            show_edge=False,
+            pad_edge=False,
+        )
+        table.add_column("joint", overflow="fold")
+        for column in ("kind", "lower", "upper", "effort", "speed", "armature"):
+            table.add_column(column, justify="right")
+        for joint in arm.joints:
+            limits = (joint.lower, joint.upper, joint.effort, joint.velocity)
+            shown = [_limit(value) for value in limits]
+            table.add_row(escape(joint.name), joint.kind, *shown, f"{joint.armature:g}")
+        parts.append(table)
+        if arm.locked:
+            held = ", ".join(f"{joint.name} = {joint.position:g}" for joint in arm.locked)
+            parts.append(Text(f"locked: {held}"))
+        parts.append(Text(""))
+    parts += [Text.from_markup(f"[dim]note: {escape(note)}[/dim]") for note in notes]
+    return Group(*parts)
+
+
+def _limit(value: float) -> str:
+    return "none" if math.isinf(value) else f"{value:.5g}"

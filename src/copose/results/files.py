@@ -1,0 +1,61 @@
+"""Results in files: JSON in and out, each file written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from copose.errors import InputError
+from copose.problem import read_text
+from copose.results.solution import Solution
+
+_MOST_BYTES = 200_000_000
+
+
+def to_json(solution: Solution) -> str:
+    """A result as JSON text; numbers in full, never NaN or infinite."""
+    return json.dumps(solution.model_dump(mode="json"), indent=1, allow_nan=False) + "\n"
+
+
+def read_solution(path: str | Path) -> Solution:
+    """Read a ``result.json``.
+
+    Raises:
+        InputError: it cannot be read or is no result.
+    """
+    file = Path(path)
+    text = read_text(file, _MOST_BYTES)
+    try:
+        return Solution.model_validate_json(text)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"is no copose result: {first['msg']}", key=key, file=file) from None
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file beside its place and rename it there.
+
+    Raises:
+        InputError: the place cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:40]}.")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
+            # mkstemp makes files that only the owner can read; results are ordinary files.
+            umask = os.umask(0)
+            os.umask(umask)
+            Path(name).chmod(0o666 & ~umask)
+            Path(name).replace(path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", file=path) from None

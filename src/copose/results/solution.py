@@ -1,0 +1,190 @@
+"""What is answered: a result as frozen data, the same as in `result.json`."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, TypeAlias
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_serializer
+from pydantic_core.core_schema import SerializerFunctionWrapHandler
+
+from copose.capability import Ellipsoid
+from copose.poses import Array, Pose
+from copose.problem import Shape, SpaceName
+
+Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
+Vector: TypeAlias = tuple[Finite, ...]
+Matrix: TypeAlias = tuple[Vector, ...]
+
+
+def vector(values: Array) -> Vector:
+    """An array as a tuple of floats."""
+    return tuple(float(value) for value in values)
+
+
+def matrix(values: Array) -> Matrix:
+    """An array of two dimensions as a tuple of rows."""
+    return tuple(vector(row) for row in values)
+
+
+class Record(BaseModel):
+    """The root of every part of a result: frozen, finite, no unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class EllipsoidRecord(Record):
+    """An ellipsoid's numbers, or nulls where the posture has none."""
+
+    gram: Matrix | None
+    center: Vector
+    radii: Vector | None
+    axes: Matrix | None
+    log_volume: Finite | None
+
+    @classmethod
+    def of(cls, ellipsoid: Ellipsoid | None, m: int) -> EllipsoidRecord:
+        """The record of an ellipsoid, or of the lack of one in m dimensions."""
+        if ellipsoid is None:
+            return cls(gram=None, center=(0.0,) * m, radii=None, axes=None, log_volume=None)
+        return cls(
+            gram=matrix(ellipsoid.gram),
+            center=vector(ellipsoid.center),
+            radii=vector(ellipsoid.radii),
+            axes=matrix(ellipsoid.axes),
+            log_volume=ellipsoid.log_volume,
+        )
+
+    @property
+    def value(self) -> Ellipsoid | None:
+        """The ellipsoid itself."""
+        if self.radii is None or self.axes is None:
+            return None
+        factor = np.array(self.axes) / np.array(self.radii)[:, None]
+        return Ellipsoid.from_factor(factor, self.center)
+
+
+class SpatialPlace(Record):
+    """Pose of the object's centre of mass: position, m, and unit quaternion [w, x, y, z]."""
+
+    position: tuple[Finite, Finite, Finite]
+    quaternion: tuple[Finite, Finite, Finite, Finite]
+
+
+class PlanarPlace(Record):
+    """Pose of the object's centre of mass in the plane."""
+
+    position: tuple[Finite, Finite]
+    angle: Finite
+
+
+def place(pose: Pose, planar: bool) -> SpatialPlace | PlanarPlace:
+    """A pose as a result states it."""
+    if planar:
+        angle = math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])
+        return PlanarPlace.model_validate({"position": vector(pose.position[:2]), "angle": angle})
+    return SpatialPlace.model_validate(
+        {"position": vector(pose.position), "quaternion": vector(pose.quaternion)}
+    )
+
+
+class ArmRecord(Record):
+    """One arm of a posture.
+
+    Attributes:
+        skeleton: root, joint origins and tip in the world, m.
+        ellipsoid: of the arm alone at its tip: {a : ‖M J⁺ a‖ ≤ 1}.
+    """
+
+    skeleton: Matrix
+    ellipsoid: EllipsoidRecord
+
+
+class Posture(Record):
+    """Joint positions and what they are worth.
+
+    Attributes:
+        joints: rad or m, by arm.
+        object: where the object is.
+        closure_error: the larger of a tip's position error, m, and angle error, rad, by arm; in the
+            linear spaces the position error.
+        ellipsoid: of the system, at the object's centre of mass.
+        arms: each arm's own.
+    """
+
+    joints: dict[str, Vector]
+    object: SpatialPlace | PlanarPlace
+    closure_error: dict[str, Finite]
+    ellipsoid: EllipsoidRecord
+    arms: dict[str, ArmRecord]
+
+
+class ObjectiveRecord(Record):
+    """The objective's value before and after."""
+
+    kind: str
+    unit: str
+    before: Finite | None
+    after: Finite | None
+
+
+class Optimum(Record):
+    """A distinct local optimum and how many polished starts ended in it."""
+
+    objective: Finite
+    count: int
+
+
+class SearchRecord(Record):
+    """The evidence of a search."""
+
+    seed: int
+    starts: int
+    local_optima: tuple[Optimum, ...]
+
+
+class Timing(Record):
+    """Seconds spent; the only part of a result that differs from run to run."""
+
+    build_s: Finite
+    search_s: Finite
+
+
+class ProblemRecord(Record):
+    """Which problem was solved, and what a picture of it needs."""
+
+    name: str
+    space: SpaceName
+    shape: Shape | None = None
+
+
+class Solution(Record):
+    """A result; written by `copose solve` as ``result.json``."""
+
+    format: Literal[1] = 1
+    copose: str
+    problem: ProblemRecord
+    status: Literal["solved", "infeasible", "failed"]
+    reason: str | None
+    notes: tuple[str, ...]
+    objective: ObjectiveRecord
+    joint_names: dict[str, tuple[str, ...]]
+    before: Posture | None
+    after: Posture | None
+    nearest_miss: Posture | None = None
+    search: SearchRecord | None
+    timing: Timing
+
+    @model_serializer(mode="wrap")
+    def _without_empty_miss(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
+        data: dict[str, object] = handler(self)
+        if data["nearest_miss"] is None:
+            del data["nearest_miss"]
+        return data
+
+    @property
+    def gain(self) -> float | None:
+        """Objective after minus before."""
+        before, after = self.objective.before, self.objective.after
+        return None if before is None or after is None else after - before

@@ -1,0 +1,148 @@
+"""An arm as plain numbers: what every later room needs to know of a robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from copose.errors import InputError, shown
+from copose.poses import Array, Pose, frozen_array
+from copose.problem import ArmSpec
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A rigid body in some frame: mass, kg; centre of mass, m; inertia about it, kg·m²."""
+
+    mass: float
+    com: Array
+    inertia: Array
+
+    def placed(self, pose: Pose) -> Body:
+        """The same body seen from the frame in which ``pose`` places its own."""
+        com = pose.rotation @ self.com + pose.position
+        return Body(self.mass, com, pose.rotation @ self.inertia @ pose.rotation.T)
+
+    def __add__(self, other: Body) -> Body:
+        mass = self.mass + other.mass
+        com = (self.mass * self.com + other.mass * other.com) / mass
+        inertia = np.zeros((3, 3))
+        for part in (self, other):
+            offset = part.com - com
+            inertia += part.inertia + part.mass * (
+                offset @ offset * np.eye(3) - np.outer(offset, offset)
+            )
+        return Body(mass, frozen_array(com), frozen_array(inertia))
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint of one degree of freedom and the body it moves.
+
+    Attributes:
+        name: as in the URDF; ``joint1``, ``joint2``, … for a planar arm.
+        kind: revolute (rad) or prismatic (m).
+        axis: unit axis in the joint's frame.
+        placement: joint frame at zero in the frame of the joint before it (the first: in the root).
+        body: everything rigidly attached, in the joint's frame.
+        lower: lowest position, −inf where there is none; ``upper`` alike.
+        velocity: speed limit, inf where there is none.
+        effort: torque or force limit, inf where there is none.
+        armature: reflected rotor inertia, added to M's diagonal.
+    """
+
+    name: str
+    kind: Literal["revolute", "prismatic"]
+    axis: Array
+    placement: Pose
+    body: Body
+    lower: float = -np.inf
+    upper: float = np.inf
+    velocity: float = np.inf
+    effort: float = np.inf
+    armature: float = 0.0
+
+
+@dataclass(frozen=True)
+class LockedJoint:
+    """A movable joint of the arm, or of what it carries, that is held still."""
+
+    name: str
+    position: float
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A serial chain on a fixed base, and how it holds the object.
+
+    Attributes:
+        name: as in the problem file.
+        model: where the numbers come from, for the reader: a URDF's file name, ``planar links``.
+        joints: the free joints, root to tip.
+        base: T_world_root.
+        tip: tip frame in the last joint's frame.
+        grasp: T_object_tip.
+        start: joint positions before, or None.
+        locked: movable joints held still, on the chain or carried by it.
+        geared: whether the rotors' inertia is known.
+    """
+
+    name: str
+    model: str
+    joints: tuple[Joint, ...]
+    base: Pose
+    tip: Pose
+    grasp: Pose
+    start: Array | None = None
+    locked: tuple[LockedJoint, ...] = ()
+    geared: bool = True
+
+    @property
+    def n(self) -> int:
+        """Number of free joints."""
+        return len(self.joints)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the free joints, root to tip."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def lower(self) -> Array:
+        """Lowest joint positions, −inf where unlimited, shape (n,)."""
+        return np.array([joint.lower for joint in self.joints])
+
+    @property
+    def upper(self) -> Array:
+        """Highest joint positions, inf where unlimited, shape (n,)."""
+        return np.array([joint.upper for joint in self.joints])
+
+
+def check_lengths(spec: ArmSpec, names: tuple[str, ...], key: str) -> None:
+    """Refuse a per-joint array of the wrong length, naming the joints it is for."""
+    for field_name in ("start", "torque_limits", "position_limits", "armature"):
+        values = getattr(spec, field_name)
+        if values is not None and len(values) != len(names):
+            raise InputError(
+                f"has {len(values)} entries; {len(names)} are needed, for {', '.join(names)}",
+                key=f"{key}.{field_name}",
+            )
+
+
+def start_within_limits(spec: ArmSpec, joints: tuple[Joint, ...], key: str) -> Array | None:
+    """The start, clipped where it misses a limit by rounding only."""
+    if spec.start is None:
+        return None
+    for i, (position, joint) in enumerate(zip(spec.start, joints, strict=True)):
+        if not joint.lower - 1e-6 <= position <= joint.upper + 1e-6:
+            raise InputError(
+                f"{shown(position)} is outside the limits of {joint.name}: "
+                f"{joint.lower:g} … {joint.upper:g}",
+                key=f"{key}.start[{i}]",
+            )
+    limits = [(joint.lower, joint.upper) for joint in joints]
+    return frozen_array(np.clip(spec.start, *np.array(limits).T))
