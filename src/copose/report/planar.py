@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 
 from copose.capability import Ellipsoid
@@ -50,6 +51,9 @@ def planar_figure(solution: Solution) -> Figure:
     )
     figure.suptitle(heading, fontweight="bold", x=0.02, ha="left")
     handles, labels = axes[0].get_legend_handles_labels()
+    if any(_ellipses(posture, solution) for _, posture in panels):
+        handles.append(Line2D([], [], color=style.INK, linewidth=1.4, linestyle="--"))
+        labels.append("each arm alone, at its tip")
     figure.legend(handles, labels, loc="lower center", ncols=min(len(labels), 5), frameon=False)
     rows = -(-len(labels) // 5)
     figure.tight_layout(rect=(0, 0.04 + 0.05 * rows, 1, 0.99))
@@ -64,8 +68,7 @@ def _title(name: str, posture: Posture, solution: Solution) -> str:
             unit = "m or rad" if SPACES[solution.problem.space].rigid else "m"
             return f"{name}: gap {gap:.3g} {unit}"
         return f"{name}: {style.measure_word(solution.problem.space)} 0"
-    word = style.measure_word(solution.problem.space)
-    text = f"{name}: log-{word} {record.log_volume:.3f}"
+    text = f"{name}: log-volume {record.log_volume:.3f}"
     linear = _linear(record, solution)
     if linear is not None:
         text += f"\nsemi-axes {style.numbers(tuple(linear.radii))} {style.LINEAR_UNIT}"
@@ -102,7 +105,7 @@ def _scene(ax: Axes, posture: Posture, solution: Solution, scale: float) -> None
         points = np.array(arm.skeleton)[:, :2]
         color = colors[name]
         ax.plot(*points.T, color=color, linewidth=5, solid_capstyle="round",
-                solid_joinstyle="round", alpha=0.85, zorder=3, label=f"arm {name}")  # fmt: skip
+                solid_joinstyle="round", alpha=0.85, zorder=3, label=name)  # fmt: skip
         ax.plot(*points[1:-1].T, linestyle="", marker="o", markersize=7, markerfacecolor="white",
                 markeredgecolor=style.INK, markeredgewidth=1.2, zorder=5)  # fmt: skip
         ax.plot(*points[-1], marker="o", markersize=4, color=style.INK, zorder=5)
@@ -112,8 +115,7 @@ def _scene(ax: Axes, posture: Posture, solution: Solution, scale: float) -> None
         ellipse = _linear(arm.ellipsoid, solution)
         if ellipse is not None:
             curve = points[-1] + scale * _curve(ellipse)
-            ax.plot(*curve.T, color=color, linewidth=1.4, linestyle="--", zorder=4,
-                    label=f"{name} alone, at its tip")  # fmt: skip
+            ax.plot(*curve.T, color=color, linewidth=1.4, linestyle="--", zorder=4)
     ellipse = _linear(posture.ellipsoid, solution)
     ax.add_patch(Circle(tuple(center), 0.008, color=style.INK, zorder=6))
     if ellipse is not None:
@@ -168,10 +170,12 @@ def _grown(
 
 
 def _scale_bar(ax: Axes, low: Array, high: Array, scale: float) -> None:
-    """How long an acceleration per torque is drawn."""
-    width = float(high[0] - low[0])
-    value = style.round_scale(0.3 * width / scale)
-    x, y = low[0] + 0.04 * width, low[1] + 0.04 * width
-    ax.plot([x, x + value * scale], [y, y], color=style.INK, linewidth=2.5, zorder=7)
-    ax.annotate(f"{value:g} {style.LINEAR_UNIT}", (x, y), xytext=(0, 4), textcoords="offset points",
-                fontsize=9, zorder=7)  # fmt: skip
+    """How long an acceleration per torque is drawn, below the scene's right corner."""
+    value = style.round_scale(0.3 * float(high[0] - low[0]) / scale)
+    below = ax.get_xaxis_transform()
+    ends = np.array([high[0] - value * scale, high[0]])
+    ax.plot(ends, [-0.115, -0.115], transform=below, color=style.INK, linewidth=2.5, clip_on=False)
+    ax.text(
+        float(ends.mean()), -0.135, f"{value:g} {style.LINEAR_UNIT}", transform=below,
+        ha="center", va="top", fontsize=9,
+    )  # fmt: skip

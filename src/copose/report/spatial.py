@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -15,64 +17,82 @@ from copose.problem import SPACES
 from copose.report import style
 from copose.results import Posture, Solution
 
-_ELLIPSE_SHARE = 0.22
+# The longest semi-axis drawn, and how high the angular slice floats, as shares of the scene.
+_ELLIPSE_SHARE = 0.18
+_LIFT = 0.42
+
+
+@dataclass(frozen=True)
+class _Slice:
+    """One coordinate slice of the ellipsoids and how it is drawn."""
+
+    kind: str
+    rows: tuple[int, ...]
+    color: str
+    unit: str
+    scale: float
+    lift: float
+
+    def of(self, posture: Posture) -> Ellipsoid | None:
+        ellipsoid = posture.ellipsoid.value
+        return None if ellipsoid is None else ellipsoid.sliced(self.rows)
+
+    def center(self, posture: Posture) -> Array:
+        return np.asarray(posture.object.position + np.array([0.0, 0.0, self.lift]))
 
 
 def spatial_figure(solution: Solution) -> Figure:
     """Scenes with the ellipsoid's linear and angular slices, and their semi-axes as bars."""
     panels = style.panels(solution)
-    space = SPACES[solution.problem.space]
-    kinds = [("linear", space.linear, style.SYSTEM, style.LINEAR_UNIT)]
-    if space.angular:
-        kinds.append(("angular", space.angular, style.ANGULAR, style.ANGULAR_UNIT))
-    measured = any(posture.ellipsoid.value is not None for _, posture in panels)
-    figure = Figure(figsize=(10, 7.6 if measured else 5.2))
+    postures = [posture for _, posture in panels]
+    slices = _slices(solution, postures)
+    figure = Figure(figsize=(11, 8.2 if slices else 6.2))
     grid = figure.add_gridspec(
-        2 if measured else 1,
-        2 * len(panels),
-        height_ratios=[3.1, 1] if measured else [1],
-        left=0.07, right=0.98, bottom=0.09, top=0.88, hspace=0.16, wspace=0.5,
+        2 if slices else 1, 2 * len(panels), height_ratios=[3.6, 1] if slices else [1],
+        left=0.03, right=0.96, bottom=0.06, top=0.88, hspace=0.16, wspace=0.3,
     )  # fmt: skip
-    low, high = _extent([posture for _, posture in panels], solution)
-    scales = {
-        kind: _ELLIPSE_SHARE * float((high - low).max()) / _longest(panels, rows)
-        for kind, rows, _, _ in kinds
-    }
+    low, high = _extent(postures, solution, slices)
     for k, (name, posture) in enumerate(panels):
         ax: Any = figure.add_subplot(grid[0, 2 * k : 2 * k + 2], projection="3d")
         _scene(ax, posture, solution, low, high)
-        ellipsoid = posture.ellipsoid.value
-        for kind, rows, color, _ in kinds:
-            if ellipsoid is None:
-                break
-            _draw_ellipsoid(
-                ax, np.array(posture.object.position), ellipsoid.sliced(rows), scales[kind], color,
-                solid=kind == "linear",
-            )  # fmt: skip
+        for piece in slices:
+            _draw_slice(ax, posture, piece)
         ax.set_title(_title(name, posture, solution), loc="left", y=0.99)
-    if measured:
-        span = 2 * len(panels) // len(kinds)
-        for k, (kind, rows, color, unit) in enumerate(kinds):
-            ax = figure.add_subplot(grid[1, span * k : span * (k + 1)])
-            _bars(ax, panels, rows, color)
-            ax.set_title(f"semi-axes of the {kind} slice, {unit}", fontsize=10, color=color)
+    span = 2 * len(panels) // max(len(slices), 1)
+    for k, piece in enumerate(slices):
+        bars = figure.add_subplot(grid[1, span * k : span * (k + 1)])
+        _bars(bars, panels, piece)
     heading = ": ".join(
         part for part in (solution.problem.name, style.gain_words(solution)) if part
     )
     figure.suptitle(heading, fontweight="bold", x=0.02, y=0.985, ha="left")
-    if measured:
-        figure.text(0.02, 0.925, _key(solution, scales, kinds), fontsize=9, color=style.INK)
+    for k, piece in enumerate(slices):
+        value = style.round_scale(0.2 / piece.scale)
+        where = ", lifted above the object" if piece.lift else " at the object"
+        drawn = f"{value * piece.scale:.2g} m drawn = {value:g} {piece.unit}"
+        figure.text(
+            0.02, 0.935 - 0.024 * k,
+            f"{piece.kind} slice{where}: {drawn}", fontsize=9.5, color=piece.color,
+        )  # fmt: skip
     return figure
 
 
-def _key(solution: Solution, scales: dict[str, float], kinds: list[Any]) -> str:
-    texts = []
-    for kind, _, _, unit in kinds:
-        value = style.round_scale(0.2 / scales[kind])
-        look = "solid" if kind == "linear" else "mesh"
-        drawn = f"{value * scales[kind]:.2g} m"
-        texts.append(f"{look}: {kind} slice, {value:g} {unit} drawn {drawn} long")
-    return "   ".join(texts)
+def _slices(solution: Solution, postures: list[Posture]) -> list[_Slice]:
+    """The slices that the postures have, at one scale for all of them."""
+    space = SPACES[solution.problem.space]
+    low, high = _extent(postures, solution, [])
+    size = float((high - low).max())
+    kinds = [
+        ("linear", space.linear, style.SYSTEM, style.LINEAR_UNIT, 0.0),
+        ("angular", space.angular, style.ANGULAR, style.ANGULAR_UNIT, _LIFT * size),
+    ]
+    slices = []
+    for kind, rows, color, unit, lift in kinds:
+        ellipsoids = [p.ellipsoid.value for p in postures]
+        radii = [float(e.sliced(rows).radii[0]) for e in ellipsoids if e is not None and rows]
+        if radii:
+            slices.append(_Slice(kind, rows, color, unit, _ELLIPSE_SHARE * size / max(radii), lift))
+    return slices
 
 
 def _title(name: str, posture: Posture, solution: Solution) -> str:
@@ -84,30 +104,28 @@ def _title(name: str, posture: Posture, solution: Solution) -> str:
     return f"{name}: volume 0"
 
 
-def _longest(panels: list[tuple[str, Posture]], rows: tuple[int, ...]) -> float:
-    ellipsoids = [posture.ellipsoid.value for _, posture in panels]
-    return max((float(e.sliced(rows).radii[0]) for e in ellipsoids if e is not None), default=1.0)
-
-
-def _bars(ax: Any, panels: list[tuple[str, Posture]], rows: tuple[int, ...], color: str) -> None:
-    places = np.arange(len(rows))
+def _bars(ax: Axes, panels: list[tuple[str, Posture]], piece: _Slice) -> None:
+    places = np.arange(len(piece.rows))
     width = 0.8 / len(panels)
     top = 0.0
     for k, (name, posture) in enumerate(panels):
-        ellipsoid = posture.ellipsoid.value
-        radii = ellipsoid.sliced(rows).radii if ellipsoid is not None else np.zeros(len(rows))
-        fill = style.BEFORE if name == "before" else color
-        drawn = ax.bar(places + (k - (len(panels) - 1) / 2) * width, radii, width * 0.92,
-                       color=fill, label=name)  # fmt: skip
+        ellipsoid = piece.of(posture)
+        radii = ellipsoid.radii if ellipsoid is not None else np.zeros(len(piece.rows))
+        drawn = ax.bar(
+            places + (k - (len(panels) - 1) / 2) * width, radii, width * 0.92,
+            color=style.BEFORE if name == "before" else piece.color, label=name,
+        )  # fmt: skip
         ax.bar_label(drawn, fmt="%.3g", fontsize=9, padding=1)
         top = max(top, float(radii.max()))
-    ax.set_xticks(places, ["longest", "middle", "shortest"][: len(rows)])
+    ax.set_xticks(places, ["longest", "middle", "shortest"][: len(piece.rows)])
     ax.set_ylim(0, top * 1.25)
     ax.set_yticks([])
     for side in ("top", "right", "left"):
         ax.spines[side].set_visible(False)
     if len(panels) > 1:
         ax.legend(frameon=False, fontsize=9)
+    ax.set_title(f"semi-axes of the {piece.kind} slice, {piece.unit}", fontsize=10,
+                 color=piece.color)  # fmt: skip
 
 
 def _scene(ax: Any, posture: Posture, solution: Solution, low: Array, high: Array) -> None:
@@ -126,21 +144,21 @@ def _scene(ax: Any, posture: Posture, solution: Solution, low: Array, high: Arra
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])
     ax.set_zlim(low[2], high[2])
-    ax.set_box_aspect(high - low, zoom=1.15)
-    ax.view_init(elev=20, azim=-60)
+    ax.set_box_aspect(high - low, zoom=1.0)
+    ax.view_init(elev=18, azim=-62)
     ax.locator_params(nbins=4)
     ax.tick_params(labelsize=8, pad=-1)
-    ax.set_xlabel("x, m", labelpad=-2)
+    ax.set_xlabel("x, m", labelpad=0)
     ax.set_ylabel("y, m", labelpad=-2)
-    ax.set_zlabel("z, m", labelpad=-4)
+    ax.set_zlabel("z, m", labelpad=1)
     ax.legend(loc="upper right", frameon=False, fontsize=9)
 
 
-def _draw_ellipsoid(
-    ax: Any, center: Array, ellipsoid: Ellipsoid, scale: float, color: str, solid: bool
-) -> None:
-    around = np.linspace(0, 2 * np.pi, 33)
-    down = np.linspace(0, np.pi, 17)
+def _draw_slice(ax: Any, posture: Posture, piece: _Slice) -> None:
+    ellipsoid = piece.of(posture)
+    if ellipsoid is None:
+        return
+    around, down = np.linspace(0, 2 * np.pi, 33), np.linspace(0, np.pi, 17)
     sphere = np.stack(
         [
             np.outer(np.cos(around), np.sin(down)),
@@ -149,12 +167,12 @@ def _draw_ellipsoid(
         ],
         axis=-1,
     )
-    points = center + scale * ellipsoid.boundary(sphere)
-    x, y, z = points[..., 0], points[..., 1], points[..., 2]
-    if solid:
-        ax.plot_surface(x, y, z, color=color, alpha=0.45, linewidth=0, rstride=1, cstride=1)
-    else:
-        ax.plot_wireframe(x, y, z, color=color, linewidth=0.6, alpha=0.7, rstride=2, cstride=2)
+    center = piece.center(posture)
+    x, y, z = np.moveaxis(center + piece.scale * ellipsoid.boundary(sphere), -1, 0)
+    ax.plot_surface(x, y, z, color=piece.color, alpha=0.45, linewidth=0, rstride=1, cstride=1)
+    if piece.lift:
+        stem = np.array([posture.object.position, center])
+        ax.plot(*stem.T, color=piece.color, linewidth=1, linestyle=":")
 
 
 def _faces(posture: Posture, solution: Solution) -> list[Array]:
@@ -206,10 +224,19 @@ def _tube(radii: Array, heights: Array) -> list[Array]:
     return faces
 
 
-def _extent(postures: list[Posture], solution: Solution) -> tuple[Array, Array]:
+def _extent(
+    postures: list[Posture], solution: Solution, slices: list[_Slice]
+) -> tuple[Array, Array]:
     points = [np.array(arm.skeleton) for p in postures for arm in p.arms.values()]
     points += [np.vstack(faces) for p in postures if (faces := _faces(p, solution))]
     points += [np.array([p.object.position]) for p in postures]
+    for piece in slices:
+        for posture in postures:
+            ellipsoid = piece.of(posture)
+            if ellipsoid is not None:
+                reach = piece.scale * np.array([ellipsoid.support(axis) for axis in np.eye(3)])
+                center = piece.center(posture)
+                points.append(np.array([center - reach, center + reach]))
     stacked = np.vstack(points)
     low, high = stacked.min(axis=0), stacked.max(axis=0)
     size = float((high - low).max())

@@ -12,8 +12,8 @@ from copose.problem import SPACES
 from copose.results import Posture, Solution
 
 SYSTEM = "#D55E00"
-ANGULAR = "#0072B2"
-ARMS = ("#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#666666", "#999933", "#332288")
+ANGULAR = "#8B3A8B"
+ARMS = ("#0072B2", "#009E73", "#E69F00", "#56B4E9", "#666666", "#CC79A7", "#999933", "#332288")
 OBJECT = "#BBBBBB"
 INK = "#222222"
 BEFORE = "#9A9A9A"

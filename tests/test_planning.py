@@ -1,0 +1,402 @@
+"""Solving: closed, within limits, best, repeatable; and honest where there is nothing to find."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import copose
+from cells import FILES, planar, tables, two_pandas
+from copose.mechanics import object_parameters
+from copose.planning.cell import Cell
+from copose.planning.closing import CLOSED, Projector
+from copose.planning.objectives import OBJECTIVES
+from copose.planning.program import PostureProgram
+from copose.planning.search import sample_arm
+from copose.poses import Pose
+from copose.problem import parse
+from copose.results import Posture, Solution, to_json
+from reference import Problem as Truth
+
+
+def solved(cell: dict) -> Solution:
+    solution = copose.solve(parse(cell))
+    assert solution.status == "solved", solution.reason
+    return solution
+
+
+def check_posture(posture: Posture, cell: dict, names: dict) -> None:
+    """Every number of a posture recomputed by independent code."""
+    truth = Truth(cell, {name: list(joints) for name, joints in names.items()})
+    again = truth.at(posture.joints)
+    E = posture.ellipsoid
+    assert E.gram is not None and E.radii is not None and E.axes is not None
+    size = np.abs(again.gram).max()
+    assert np.allclose(E.gram, again.gram, rtol=0, atol=1e-8 * size)
+    assert np.allclose(E.radii, again.radii, rtol=1e-8)
+    assert E.log_volume is not None and abs(E.log_volume - again.log_volume) < 1e-8
+    assert list(E.radii) == sorted(E.radii, reverse=True)
+    for radius, axis in zip(E.radii, np.array(E.axes), strict=True):
+        assert abs(np.linalg.norm(again.factor @ axis) * radius - 1) < 1e-8
+    assert E.center == (0.0,) * len(E.radii)
+    for name, error in posture.closure_error.items():
+        assert again.closure[name] <= 1e-8 and abs(error - again.closure[name]) < 1e-8
+    for name, arm in posture.arms.items():
+        own = np.linalg.svd(again.own[name], compute_uv=False)
+        assert np.allclose(arm.ellipsoid.radii, 1 / own[::-1], rtol=1e-8)
+        tip = truth.arms[name].at(np.array(posture.joints[name]))[0]
+        assert np.allclose(arm.skeleton[-1], tip.translation, atol=1e-12)
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_shipped_problems_recompute(file) -> None:
+    problem = copose.load(file)
+    solution = copose.solve(problem)
+    assert solution.status == "solved"
+    for posture in (solution.before, solution.after):
+        assert posture is not None
+        check_posture(posture, tables(file.stem), solution.joint_names)
+    assert solution.objective.after == solution.after.ellipsoid.log_volume
+    assert solution.objective.before == solution.before.ellipsoid.log_volume
+    assert solution.gain is not None and solution.gain >= 0
+    assert copose.verify(problem, solution) == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("two-panda-box", -0.21698000494),
+        ("baxter-box", -0.97136846),
+        ("paper-fig2", 1.82249525),
+        ("paper-fig3", 1.82249525),
+        ("paper-fig4", 1.35540705),
+        ("two-planar-4r", 3.51751463),
+    ],
+)
+def test_known_optima(name: str, expected: float) -> None:
+    solution = solved(tables(name))
+    assert solution.objective.after == pytest.approx(expected, abs=1e-6)
+
+
+def test_two_pandas_are_closed_from_fifty_seeds() -> None:
+    """Closed to 1e-8 by Pinocchio, no hand flipped, within limits, never worse than before."""
+    cell = two_pandas()
+    names = {name: list(joints) for name, joints in solved(cell).joint_names.items()}
+    truth = Truth(cell, names)
+    best = 0
+    for seed in range(50):
+        cell["search"] = {"seed": seed}
+        solution = solved(cell)
+        for posture in (solution.before, solution.after):
+            again = truth.at(posture.joints)
+            assert max(again.closure.values()) <= 1e-8
+            for arm in truth.arms:
+                q, model = np.array(posture.joints[arm]), truth.arms[arm].model
+                assert np.all(q >= model.lowerPositionLimit) and np.all(
+                    q <= model.upperPositionLimit
+                )
+        assert solution.objective.after >= solution.objective.before
+        best += abs(solution.objective.after + 0.216980) < 1e-6
+    assert best >= 45
+
+
+@pytest.mark.parametrize("space", ["planar-linear", "planar"])
+def test_the_optimum_of_an_exhaustive_search(space: str) -> None:
+    """Dense samples of both self-motions, all pairs, against the answer of the posture program."""
+    cell = planar(2, 3 if space == "planar-linear" else 4, space)
+    cell["arms"][0]["position_limits"] = [[-2.5, 2.5]] * len(cell["arms"][0]["links"])
+    cell["constraints"] = {"joint_margin": 0.1}
+    solution = solved(cell)
+    ready = Cell.of(parse(cell))
+    truth = Truth(cell)
+    rng = np.random.default_rng(99)
+    grams = []
+    W = np.hstack([truth.W(table) for table in cell["arms"]])
+    W_pinv = np.linalg.pinv(W)
+    m = len(truth.rows)
+    for i, table in enumerate(cell["arms"]):
+        projector = Projector(ready.system, i)
+        drawn = rng.uniform(-np.pi, np.pi, (3000, len(table["links"])))
+        q, gap = projector.project(drawn, ready.parameters, ready.lower[i], ready.upper[i])
+        mine = []
+        for joints in q[gap < CLOSED]:
+            _, J, M, _ = truth.arms[table["name"]].at(joints)
+            J = J[truth.rows]
+            if np.linalg.matrix_rank(J, tol=1e-9) < m:
+                continue
+            A = M @ np.linalg.pinv(J) @ W[:, m * i : m * i + m].T
+            A = A + J.T @ W_pinv[m * i : m * i + m] @ truth.M_o
+            mine.append(A.T @ A)
+        grams.append(np.array(mine))
+    pairs = grams[0][:, None] + grams[1][None]
+    best = -0.5 * np.linalg.slogdet(pairs)[1].min()
+    found = -0.5 * np.linalg.slogdet(np.array(solution.after.ellipsoid.gram))[1]
+    assert found >= best - 1e-9
+    # Dense enough to come close to the top: the answer is not above what exists either.
+    assert found <= best + 2e-3
+
+
+@pytest.mark.parametrize("space", ["spatial", "spatial-linear", "planar", "planar-linear"])
+@pytest.mark.parametrize("arms", [1, 2, 3])
+def test_every_space_and_number_of_arms(space: str, arms: int) -> None:
+    if space.startswith("spatial"):
+        cell = two_pandas(space)
+        third = dict(cell["arms"][0], name="third")
+        third["base"] = {"position": [0.5, 0.6, 0.0], "rpy": [0, 0, -np.pi / 2]}
+        third["grasp"] = {"position": [0.0, 0.25, 0.0], "rpy": [np.pi / 2, 0, 0]}
+        cell["arms"] = [*cell["arms"], third][:arms]
+    else:
+        cell = planar(arms, 4, space)
+    solution = solved(cell)
+    check_posture(solution.after, cell, solution.joint_names)
+    assert len(solution.after.ellipsoid.radii) == {"spatial": 6, "planar-linear": 2}.get(space, 3)
+
+
+def test_runs_with_one_seed_are_bit_identical() -> None:
+    def run(seed: int) -> dict:
+        cell = two_pandas()
+        cell["search"] = {"seed": seed}
+        answer = json.loads(to_json(solved(cell)))
+        del answer["timing"]
+        return answer
+
+    first = run(3)
+    assert first == run(3)
+    assert first["before"] != run(4)["before"]
+
+
+def test_object_pose_mass_and_inertia_are_parameters() -> None:
+    """One program solves a moved, heavier object as a program built for it does."""
+    cell = two_pandas()
+    ready = Cell.of(parse(cell))
+    program = PostureProgram(ready.system, OBJECTIVES["volume"])
+    moved = two_pandas()
+    moved["object"].update(
+        position=[0.52, 0.03, 0.48], rpy=[0.05, -0.02, 0.1], mass=3.0, inertia=[0.05, 0.04, 0.03]
+    )
+    other = Cell.of(parse(moved))
+    pose = Pose.from_rpy([0.52, 0.03, 0.48], [0.05, -0.02, 0.1])
+    parameters = object_parameters(pose, 3.0, np.diag([0.05, 0.04, 0.03]))
+    assert np.array_equal(parameters, other.parameters)
+    start = np.concatenate(
+        [sample_arm(other, Projector(other.system, i), i).closed[0] for i in range(2)]
+    )
+    bounds = np.concatenate(other.lower), np.concatenate(other.upper)
+    ends = [
+        built.solve(start, parameters, *bounds)
+        for built in (program, PostureProgram(other.system, OBJECTIVES["volume"]))
+    ]
+    assert ends[0].converged and np.array_equal(ends[0].q, ends[1].q)
+    truth = Truth(moved, {arm.name: list(arm.joint_names) for arm in other.arms})
+    joints = dict(zip(truth.arms, ready.system.split(ends[0].q), strict=True))
+    assert max(truth.at(joints).closure.values()) < 1e-8
+
+
+def test_a_given_start_is_the_posture_before() -> None:
+    cell = tables("paper-fig2")
+    solution = solved(cell)
+    for arm in cell["arms"]:
+        assert solution.before.joints[arm["name"]] == pytest.approx(arm["start"], abs=1e-9)
+
+
+def test_an_open_start_is_projected() -> None:
+    cell = tables("paper-fig2")
+    cell["arms"][0]["start"][0] += 0.05
+    solution = solved(cell)
+    moved = np.array(solution.before.joints["a1"]) - cell["arms"][0]["start"]
+    assert 1e-4 < np.abs(moved).max() < 0.2
+    assert max(solution.before.closure_error.values()) < 1e-8
+
+
+def test_the_margin_is_kept() -> None:
+    cell = two_pandas()
+    cell["constraints"] = {"joint_margin": 0.2}
+    solution = solved(cell)
+    for arm in Cell.of(parse(cell)).arms:
+        q = np.array(solution.after.joints[arm.name])
+        assert np.all(q >= arm.lower + 0.2) and np.all(q <= arm.upper - 0.2)
+    free = solved(two_pandas())
+    assert solution.objective.after < free.objective.after
+
+
+def test_unlimited_joints_are_reported_within_a_turn() -> None:
+    solution = solved(planar(2, 4))
+    for q in solution.after.joints.values():
+        assert np.all(np.abs(q) <= np.pi)
+
+
+def test_out_of_reach_names_the_arm_and_the_exact_gap() -> None:
+    cell = planar(2, 3)
+    cell["arms"][1]["base"]["position"] = [3.0, 0.1]
+    solution = copose.solve(parse(cell))
+    assert solution.status == "infeasible" and solution.after is None and solution.before is None
+    # The hand at full reach 1.2 m from its base; the grasp 0.15 m from the object at [0, 0.1].
+    gap = np.hypot(3.0 - 0.15, 0.0) - 1.2
+    assert "'a2'" in solution.reason and f"{gap:.4g} m" in solution.reason
+    assert solution.nearest_miss.closure_error["a2"] == pytest.approx(gap, abs=1e-6)
+    assert solution.nearest_miss.closure_error["a1"] < 1e-8
+    assert solution.nearest_miss.ellipsoid.gram is None
+    assert copose.verify(parse(cell), solution) == ()
+
+
+def test_too_near_is_a_miss_too() -> None:
+    """Joint limits that keep the arm from folding: the nearest is not the farthest."""
+    cell = planar(1, 3)
+    cell["arms"][0]["position_limits"] = [[-3, 3], [-0.2, 0.2], [-0.2, 0.2]]
+    solution = copose.solve(parse(cell))
+    assert solution.status == "infeasible" and "'a1'" in solution.reason
+
+
+def test_an_orientation_out_of_reach_says_so() -> None:
+    cell = planar(1, 3, "planar")
+    cell["arms"][0]["position_limits"] = [[-3, 3], [-3, 3], [-0.1, 0.1]]
+    cell["arms"][0]["grasp"]["angle"] += np.pi
+    solution = copose.solve(parse(cell))
+    assert solution.status == "infeasible"
+    assert "orientation" in solution.reason and "°" in solution.reason
+
+
+def test_volume_zero_everywhere_is_a_failure_with_its_reason() -> None:
+    """A grasp at full reach leaves one posture, in which the arm is stretched."""
+    cell = planar(1, 3)
+    cell["arms"][0].update(base={"position": [0, 0]}, grasp={"position": [0.0, 0.0]})
+    cell["arms"][0]["start"] = [0.0, 0.0, 0.0]
+    cell["arms"][0]["position_limits"] = [[-1e-3, 1e-3]] * 3
+    cell["object"]["position"] = [1.2, 0.0]
+    solution = copose.solve(parse(cell))
+    assert solution.status == "failed" and "volume 0" in solution.reason
+    assert solution.before is not None and solution.before.ellipsoid.gram is None
+    json.loads(to_json(solution))
+
+
+def test_evaluate_measures_what_it_is_given() -> None:
+    cell = tables("paper-fig2")
+    problem = parse(cell)
+    solution = copose.evaluate(problem)
+    assert solution.status == "solved" and solution.before is None
+    check_posture(solution.after, cell, solution.joint_names)
+    assert solution.after.joints["a1"] == pytest.approx(cell["arms"][0]["start"], abs=0)
+    answer = copose.solve(problem)
+    again = copose.evaluate(problem, answer.after.joints)
+    assert again.after == answer.after
+
+
+def test_evaluate_neither_projects_nor_bends_limits() -> None:
+    cell = tables("paper-fig2")
+    cell["arms"][1]["start"][0] += 0.1
+    solution = copose.evaluate(parse(cell))
+    assert solution.status == "infeasible" and solution.after is None
+    gap = Truth(cell).at({a["name"]: a["start"] for a in cell["arms"]}).closure["a2"]
+    assert "'a2'" in solution.reason and f"{gap:.4g}" in solution.reason
+    problem = parse(two_pandas())
+    joints = {name: list(q) for name, q in copose.solve(problem).after.joints.items()}
+    joints["left"][3] = 0.5
+    broken = copose.evaluate(problem, joints)
+    assert broken.status == "infeasible" and "panda_joint4" in broken.reason
+
+
+def test_evaluate_needs_joints_that_fit() -> None:
+    problem = parse(planar())
+    with pytest.raises(copose.InputError, match=r"arms\[0\].start"):
+        copose.evaluate(problem)
+    with pytest.raises(copose.InputError, match="did you mean 'a1'"):
+        copose.evaluate(problem, {"a11": [0, 0, 0]})
+    with pytest.raises(copose.InputError, match="joint1, joint2, joint3"):
+        copose.evaluate(problem, {"a1": [0, 0], "a2": [0, 0, 0]})
+    with pytest.raises(copose.InputError, match="finite"):
+        copose.evaluate(problem, {"a1": [0, 0, np.nan], "a2": [0, 0, 0]})
+
+
+def test_verify_sees_every_number_that_is_off() -> None:
+    problem = parse(planar())
+    solution = copose.solve(problem)
+    assert copose.verify(problem, solution) == ()
+    answer = json.loads(to_json(solution))
+
+    def tampered(*path: object) -> tuple[str, ...]:
+        broken = json.loads(json.dumps(answer))
+        node = broken
+        for part in path[:-1]:
+            node = node[part]
+        node[path[-1]] += 1e-6
+        return copose.verify(problem, Solution.model_validate(broken))
+
+    for path in [
+        ("after", "ellipsoid", "gram", 0, 0),
+        ("after", "ellipsoid", "radii", 1),
+        ("after", "ellipsoid", "log_volume"),
+        ("after", "joints", "a1", 0),
+        ("before", "arms", "a2", "skeleton", 1, 0),
+        ("before", "arms", "a2", "ellipsoid", "gram", 0, 0),
+        ("objective", "after"),
+    ]:
+        assert tampered(*path), path
+
+
+def test_projection_respects_limits_and_closes() -> None:
+    ready = Cell.of(parse(two_pandas()))
+    truth = Truth(two_pandas(), {arm.name: list(arm.joint_names) for arm in ready.arms})
+    rng = np.random.default_rng(0)
+    for i, arm in enumerate(ready.arms):
+        q, gap = Projector(ready.system, i).project(
+            rng.uniform(arm.lower, arm.upper, (200, arm.n)), ready.parameters, arm.lower, arm.upper
+        )
+        assert np.all(q >= arm.lower) and np.all(q <= arm.upper)
+        closed = q[gap < CLOSED]
+        assert len(closed) > 20
+        goal = truth.object * _grasp(truth, arm.name)
+        for joints in closed[:20]:
+            tip = truth.arms[arm.name].at(joints)[0]
+            assert np.allclose(tip.homogeneous, goal.homogeneous, atol=1e-8)
+
+
+def _grasp(truth: Truth, name: str):
+    from reference import pose
+
+    return pose(next(t["grasp"] for t in truth.tables["arms"] if t["name"] == name))
+
+
+def test_local_optima_are_counted() -> None:
+    solution = solved(two_pandas())
+    optima = solution.search.local_optima
+    assert sum(optimum.count for optimum in optima) <= solution.search.starts
+    values = [optimum.objective for optimum in optima]
+    assert values == sorted(values, reverse=True)
+    assert values[0] == pytest.approx(solution.objective.after, abs=1e-8)
+
+
+def test_progress_is_told_and_only_grows() -> None:
+    told: list[tuple[str, float]] = []
+    copose.solve(parse(planar()), progress=lambda what, done: told.append((what, done)))
+    shares = [done for _, done in told]
+    assert shares == sorted(shares) and shares[0] >= 0 and shares[-1] <= 1
+    assert len({what for what, _ in told}) >= 4
+
+
+class TestPaperFigures:
+    """The starts of the three problems show what the paper's text says of its figures."""
+
+    def start(self, name: str):
+        return copose.evaluate(parse(tables(name))).after
+
+    def ratio(self, record) -> float:
+        return record.radii[0] / record.radii[-1]
+
+    def test_figure_2_two_clearly_directed_ellipses(self) -> None:
+        posture = self.start("paper-fig2")
+        assert all(self.ratio(arm.ellipsoid) > 4 for arm in posture.arms.values())
+
+    def test_figure_3_two_nearly_round_ones(self) -> None:
+        posture = self.start("paper-fig3")
+        assert all(self.ratio(arm.ellipsoid) < 1.3 for arm in posture.arms.values())
+
+    def test_figure_4_the_third_arm_gives_its_direction(self) -> None:
+        posture = self.start("paper-fig4")
+        a1, a2, a3 = (arm.ellipsoid for arm in posture.arms.values())
+        assert self.ratio(a1) < 1.3 and self.ratio(a2) < 1.3 and self.ratio(a3) > 3
+        cosine = abs(np.dot(a3.axes[0], posture.ellipsoid.axes[0]))
+        assert np.degrees(np.arccos(cosine)) < 15
+        fig3 = self.start("paper-fig3")
+        assert {name: posture.joints[name] for name in fig3.joints} == fig3.joints
