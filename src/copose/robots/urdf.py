@@ -143,13 +143,18 @@ def urdf_arm(spec: UrdfArm, robot: Robot, key: str) -> tuple[Arm, RobotOnBase]:
 def _full_model(tree: Tree) -> Any:
     import pinocchio
 
+    model, refused = None, ""
     with _native_stderr() as lines:
         try:
-            return pinocchio.buildModelFromXML(tree.text)
+            model = pinocchio.buildModelFromXML(tree.text)
         except (ValueError, RuntimeError) as error:
-            refused = error
-    said = next((line for line in lines if line.strip()), str(refused))
-    raise InputError(f"{tree.file.name} cannot be read as URDF: {one_line(said.strip())}")
+            refused = str(error)
+    # The reader leaves out what it cannot parse, an inertial say, and goes on: wrong numbers.
+    said = [line for line in lines if line.strip() and (model is None or "Error" in line)]
+    if model is None or said:
+        why = said[0] if said else refused
+        raise InputError(f"{tree.file.name} cannot be read as URDF: {one_line(why.strip())}")
+    return model
 
 
 @contextlib.contextmanager

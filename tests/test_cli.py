@@ -1,0 +1,283 @@
+"""The command: exit status, what it writes, what it prints, and what it leaves behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import copose
+from cells import FILES, planar, tables, toml
+from copose.cli import main
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def write(folder: Path, cell: dict, name: str = "p.toml") -> str:
+    (folder / name).write_text(toml(cell))
+    return name
+
+
+def out_of_reach() -> dict:
+    cell = planar()
+    cell["arms"][1]["base"]["position"] = [3.0, 0.1]
+    return cell
+
+
+def test_solve_writes_a_result_and_a_picture(here: Path, capsys) -> None:
+    assert main(["solve", write(here, planar(name="my cell"))]) == 0
+    assert sorted(path.name for path in (here / "my cell").iterdir()) == [
+        "before_after.png",
+        "result.json",
+    ]
+    result = json.loads((here / "my cell/result.json").read_text())
+    assert list(result)[:10] == [
+        "format", "copose", "problem", "status", "reason", "notes", "objective", "joint_names",
+        "before", "after",
+    ]  # fmt: skip
+    assert result["copose"] == copose.__version__ and result["status"] == "solved"
+    assert result["after"]["object"] == {"position": [0.0, 0.1], "angle": 0.0}
+    out, err = capsys.readouterr()
+    assert "area ×" in out and "local optima" in out and "closure error" in out and err == ""
+    mode = stat.S_IMODE((here / "my cell/result.json").stat().st_mode)
+    umask = os.umask(0)
+    os.umask(umask)
+    assert mode == 0o666 & ~umask
+
+
+def test_spatial_results_have_a_quaternion(here: Path) -> None:
+    cell = tables("two-panda-box")
+    cell["object"]["rpy"] = [0.0, 0.0, 0.2]
+    assert main(["solve", write(here, cell), "-o", "out", "--quiet"]) == 0
+    place = json.loads((here / "out/result.json").read_text())["after"]["object"]
+    assert set(place) == {"position", "quaternion"}
+    assert place["quaternion"] == pytest.approx([0.995004165278, 0, 0, 0.0998334166468], abs=1e-12)
+
+
+def test_json_is_the_result_and_nothing_else(here: Path, capsys) -> None:
+    assert main(["solve", write(here, planar()), "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert out == (here / "cell/result.json").read_text() and err == ""
+
+
+def test_quiet_prints_nothing(here: Path, capsys) -> None:
+    assert main(["solve", write(here, planar()), "--quiet"]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_seed_takes_the_place_of_the_files(here: Path) -> None:
+    file = write(here, planar(search={"seed": 5}))
+    main(["solve", file, "--quiet", "-o", "a"])
+    main(["solve", file, "--quiet", "-o", "b", "--seed", "7"])
+    seeds = [json.loads((here / d / "result.json").read_text())["search"]["seed"] for d in "ab"]
+    assert seeds == [5, 7]
+
+
+def test_infeasible_is_three_with_a_result_and_no_picture(here: Path, capsys) -> None:
+    assert main(["solve", write(here, planar()), "-o", "out", "--quiet"]) == 0
+    assert main(["solve", write(here, out_of_reach()), "-o", "out"]) == 3
+    assert [path.name for path in (here / "out").iterdir()] == ["result.json"]
+    result = json.loads((here / "out/result.json").read_text())
+    assert result["status"] == "infeasible" and result["after"] is None
+    assert "arm 'a2' cannot reach its grasp" in result["reason"]
+    assert "arm 'a2' cannot reach its grasp" in " ".join(capsys.readouterr().out.split())
+
+
+def test_infeasible_draws_the_nearest_miss_where_asked(here: Path, capsys) -> None:
+    arguments = ["solve", write(here, out_of_reach()), "--quiet", "--figure", "miss.png"]
+    assert main(arguments) == 3
+    assert (here / "miss.png").read_bytes().startswith(b"\x89PNG")
+    assert "a2" in capsys.readouterr().err
+
+
+def test_failed_is_four(here: Path) -> None:
+    cell = planar(1, 3)
+    cell["arms"][0].update(
+        base={"position": [0, 0]}, grasp={"position": [0.0, 0.0]}, start=[0.0, 0.0, 0.0],
+        position_limits=[[-1e-3, 1e-3]] * 3,
+    )  # fmt: skip
+    cell["object"]["position"] = [1.2, 0.0]
+    assert main(["solve", write(here, cell), "--quiet"]) == 4
+    assert json.loads((here / "cell/result.json").read_text())["status"] == "failed"
+    assert not (here / "cell/before_after.png").exists()
+
+
+def test_evaluate_the_start_and_a_result(here: Path, capsys) -> None:
+    file = write(here, tables("paper-fig3"))
+    assert main(["evaluate", file, "-o", "start"]) == 0
+    start = json.loads((here / "start/result.json").read_text())
+    assert start["before"] is None and start["objective"]["before"] is None
+    assert (here / "start/before_after.png").exists()
+    assert main(["solve", file, "-o", "best", "--quiet"]) == 0
+    assert main(["evaluate", file, "--joints", "best/result.json", "-o", "again", "--quiet"]) == 0
+    best, again = (json.loads((here / d / "result.json").read_text()) for d in ("best", "again"))
+    assert best["after"] == again["after"]
+    assert best["objective"]["after"] == again["objective"]["after"]
+    assert "posture" in capsys.readouterr().out
+
+
+def test_evaluate_of_an_open_chain_is_three(here: Path, capsys) -> None:
+    cell = tables("paper-fig3")
+    cell["arms"][0]["start"][1] += 0.01
+    assert main(["evaluate", write(here, cell), "--quiet"]) == 3
+    assert "'a1' misses its grasp by" in capsys.readouterr().err
+
+
+def test_check_prints_the_chains(here: Path, capsys) -> None:
+    file = next(f for f in FILES if f.stem == "two-panda-box")
+    assert main(["check", str(file)]) == 0
+    out = capsys.readouterr().out
+    names = [f"panda_joint{i}" for i in range(1, 8)]
+    places = [out.index(name) for name in names]
+    assert places == sorted(places)
+    for text in ("-2.8973", "87", "2.175", "panda_finger_joint1 = 0", "gears are ignored"):
+        assert text in out
+    assert not list(here.iterdir())
+
+
+WRONG = [
+    (["solve"], "the following arguments are required: PROBLEM.toml"),
+    (["sove", "p.toml"], "invalid choice: 'sove'"),
+    ([], "the following arguments are required: COMMAND"),
+    (["solve", "p.toml", "--seed", "x"], "argument --seed"),
+    (["solve", "p.toml", "--seed", "-1"], "argument --seed"),
+    (["solve", "p.toml", "--nonsense"], "unrecognized arguments: --nonsense"),
+    (["solve", "nope.toml"], "nope.toml: no such file"),
+    (["solve", "."], "is a folder"),
+    (["solve", "p.toml", "-o", "p.toml"], "p.toml: is a file; a folder was expected"),
+    (["solve", "p.toml", "-o", "p.toml/x"], "is a file; a folder was expected"),
+    (["solve", "p.toml", "--figure", "x.jpg"], "x.jpg: .jpg: a picture ends in .png, .pdf, .svg"),
+    (["solve", "p.toml", "--figure", "d.png"], "d.png: is a folder"),
+    (["evaluate", "p.toml"], "arms[0].start: missing"),
+    (["evaluate", "p.toml", "--joints", "nope.json"], "nope.json: no such file"),
+    (["evaluate", "p.toml", "--joints", "p.toml"], "is no copose result"),
+    (["evaluate", "p.toml", "--joints", "miss.json"], "miss.json: after: has no posture"),
+    (["evaluate", "p.toml", "--joints", "other.json"], "other.json: joints: no arm is called"),
+    (["check", "q.toml"], "q.toml: object.mass: -1 must be above zero"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "expected"), WRONG, ids=lambda x: " ".join(x)[:30])
+def test_wrong_input_is_two_in_one_line_and_leaves_nothing(
+    arguments: list[str], expected: str, here: Path, capsys
+) -> None:
+    write(here, planar())
+    bad = planar()
+    bad["object"]["mass"] = -1
+    write(here, bad, "q.toml")
+    (here / "d.png").mkdir()
+    from copose.results import to_json
+
+    (here / "miss.json").write_text(to_json(copose.solve(copose.parse(out_of_reach()))))
+    three = copose.solve(copose.parse(planar(3)))
+    (here / "other.json").write_text(to_json(three))
+    before = sorted(here.rglob("*"))
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert expected in err and err.count("\n") == 1 and len(err) <= 600 and out == ""
+    assert sorted(here.rglob("*")) == before
+
+
+def test_a_result_that_cannot_be_written(here: Path, capsys) -> None:
+    """A folder in the place of the file: nothing half-written is left beside it."""
+    (here / "out/result.json/x").mkdir(parents=True)
+    assert main(["solve", write(here, planar()), "-o", "out", "--quiet"]) == 2
+    assert "result.json: cannot be written" in capsys.readouterr().err
+    assert not [path for path in (here / "out").iterdir() if path.name.startswith(".")]
+
+
+@pytest.mark.parametrize("kind", ["png", "pdf", "svg"])
+def test_figures_are_the_same_every_time(kind: str, here: Path) -> None:
+    file = write(here, planar())
+    for name in ("one", "two"):
+        assert main(["solve", file, "--quiet", "--figure", f"{name}.{kind}"]) == 0
+    one, two = ((here / f"{name}.{kind}").read_bytes() for name in ("one", "two"))
+    magic = {"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}[kind]
+    assert one == two and one.startswith(magic)
+
+
+def run(*arguments: str, **options) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, "-m", "copose", *arguments],
+        capture_output=True, text=True, timeout=120, check=False, **options,
+    )  # fmt: skip
+
+
+def test_import_loads_nothing_heavy() -> None:
+    code = (
+        "import sys, copose; "
+        "print([m for m in ('casadi', 'numpy', 'pinocchio', 'scipy') if m in sys.modules])"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert answer.stdout.strip() == "[]"
+
+
+def test_public_names_exist() -> None:
+    for name in copose.__all__:
+        assert getattr(copose, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        copose.nothing  # noqa: B018
+
+
+def test_planar_problems_do_not_wait_for_pinocchio(here: Path) -> None:
+    write(here, planar())
+    code = (
+        "import sys, copose; copose.solve(copose.load('p.toml')); "
+        "print('pinocchio' in sys.modules, 'matplotlib' in sys.modules)"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert answer.stdout.split() == ["False", "False"]
+
+
+def test_the_command_in_a_pipe(here: Path) -> None:
+    write(here, planar())
+    answer = run("solve", "p.toml", cwd=here, env=os.environ | {"PYTHONIOENCODING": "ascii"})
+    assert answer.returncode == 0 and answer.stderr == "" and "\x1b" not in answer.stdout
+    assert run("--version").stdout == f"copose {copose.__version__}\n"
+    assert "solve" in run("--help").stdout
+    wrong = run("solve", "nope.toml")
+    assert wrong.returncode == 2 and wrong.stderr == "copose: nope.toml: no such file\n"
+
+
+def test_a_reader_that_goes_away_is_no_error(here: Path) -> None:
+    write(here, planar())
+    shell = f"{sys.executable} -m copose solve p.toml --json | head -c 1"
+    answer = subprocess.run(shell, shell=True, cwd=here, capture_output=True, text=True, check=True)
+    assert answer.stdout == "{" and answer.stderr == ""
+
+
+def test_a_progress_bar_on_a_terminal_only(here: Path) -> None:
+    import pty
+
+    write(here, planar())
+    leader, follower = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "copose", "solve", "p.toml"], cwd=here, stderr=follower,
+        stdout=subprocess.DEVNULL, env=os.environ | {"TERM": "xterm"},
+    )  # fmt: skip
+    os.close(follower)
+    seen = b""
+    while True:
+        try:
+            chunk = os.read(leader, 4096)
+        except OSError:
+            break
+        if not chunk:
+            break
+        seen += chunk
+    os.close(leader)
+    assert process.wait(timeout=60) == 0
+    assert b"%" in seen and b"\x1b" in seen
