@@ -1,0 +1,95 @@
+"""The README is true: every block in it is run."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+import copose
+from reference import PROBLEMS
+
+ROOT = PROBLEMS.parent
+README = (ROOT / "README.md").read_text()
+BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", README, re.M | re.S)
+
+
+def blocks(language: str) -> list[str]:
+    return [text for name, text in BLOCKS if name == language]
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch) -> Path:
+    (tmp_path / "problems").symlink_to(PROBLEMS)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def shell(text: str) -> str:
+    """Run a block with the commands of this environment; what it installs is installed."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    answer = subprocess.run(
+        re.sub(r"^pip install \S+ && ", "", text, flags=re.M), shell=True, text=True,
+        capture_output=True, check=False, timeout=300, env=os.environ | {"PATH": path},
+    )  # fmt: skip
+    assert answer.returncode == 0, answer.stderr
+    return answer.stdout
+
+
+def test_every_block_is_of_a_kind_that_is_run() -> None:
+    assert {name for name, _ in BLOCKS} == {"sh", "text", "toml", "python"}
+    assert len(blocks("sh")) == 3 and len(blocks("text")) == 1
+
+
+def test_the_first_command_prints_and_draws_what_is_shown(here: Path) -> None:
+    printed = shell(blocks("sh")[0])
+
+    def lasting(text: str) -> list[str]:
+        lines = [line.rstrip() for line in text.splitlines()]
+        return [line for line in lines if "built in" not in line and "closure" not in line]
+
+    assert lasting(printed) == lasting(blocks("text")[0])
+    shown = imread(ROOT / re.search(r"!\[.*\]\((.*)\)", README).group(1))
+    drawn = imread(here / "paper-fig2/before_after.png")
+    assert shown.shape == drawn.shape and np.abs(shown - drawn).mean() < 0.01
+
+
+def test_the_commands_run(here: Path) -> None:
+    printed = shell(blocks("sh")[1])
+    assert "panda_joint7" in printed and "log-volume" in printed
+    assert (here / "panda.pdf").exists() and (here / "panda/result.json").exists()
+
+
+def test_the_test_command_is_what_ci_runs() -> None:
+    command = blocks("sh")[2].strip()
+    assert command == (ROOT / ".ci/run").read_text().splitlines()[-1]
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert "test" in extras["optional-dependencies"] and "robots" in extras["optional-dependencies"]
+
+
+def test_the_problem_file_solves() -> None:
+    (text,) = blocks("toml")
+    assert copose.solve(copose.parse(tomllib.loads(text))).status == "solved"
+
+
+def test_the_python_block_runs(here: Path, capsys) -> None:
+    (text,) = blocks("python")
+    exec(compile(text, "README.md", "exec"), {})
+    assert "2.727" in capsys.readouterr().out and (here / "before_after.svg").exists()
+
+
+def test_the_problems_say_what_to_expect() -> None:
+    for file in PROBLEMS.glob("*.toml"):
+        text = file.read_text()
+        head = text[: text.index("format = 1")]
+        assert head.startswith("# What it shows:") and "# Expect:" in head.replace("\n#\n", "\n")
+        values = [float(x) for x in re.findall(r"-?\d\.\d{3,6}\b", head.split("# Expect:")[1])]
+        best = copose.solve(copose.load(file)).objective.after
+        assert any(abs(value - best) < 6e-4 for value in values), file
