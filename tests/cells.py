@@ -83,3 +83,68 @@ def two_pandas(space: str = "spatial") -> dict:
     cell = tables("two-panda-box")
     cell["task"]["space"] = space
     return cell
+
+
+EXAMPLES = "example-robot-data://"
+ROBOTS = {
+    "panda": {"urdf": PANDA, "tip": "panda_hand"},
+    "xarm7": {"urdf": f"{EXAMPLES}xarm_description/urdf/xarm7.urdf", "tip": "link7"},
+    "ur5": {"urdf": f"{EXAMPLES}ur_description/urdf/ur5_robot.urdf", "tip": "tool0"},
+    "kinova": {
+        "urdf": f"{EXAMPLES}kinova_description/robots/kinova.urdf",
+        "tip": "j2s6s200_end_effector",
+    },
+}
+for side in ("left", "right"):
+    ROBOTS[f"pr2-{side}"] = {
+        "urdf": f"{EXAMPLES}pr2_description/urdf/pr2.urdf",
+        "tip": f"{side[0]}_gripper_tool_frame",
+        "locked": {"torso_lift_joint": 0.1},
+    }
+    ROBOTS[f"tiago-{side}"] = {
+        "urdf": f"{EXAMPLES}tiago_description/robots/tiago_dual.urdf",
+        "tip": f"arm_{side}_7_link",
+        "locked": {"torso_lift_joint": 0.1},
+    }
+
+
+def random_cell(names: tuple[str, ...], space: str, seed: int) -> dict:
+    """Robots round an object that all of them can hold: bases and grasps from random joints."""
+    import numpy as np
+    import pinocchio as pin
+
+    from copose.problem import parse
+    from copose.robots import load_arms
+    from reference import UrdfArm
+
+    rng = np.random.default_rng(seed)
+    placed = pin.SE3(pin.rpy.rpyToMatrix(*rng.uniform(-1, 1, 3)), rng.uniform(-0.3, 0.3, 3))
+    thing = {
+        "mass": float(rng.uniform(0.3, 4)),
+        "inertia": [0.02, 0.03, 0.025],
+        "position": placed.translation.tolist(),
+        "rpy": pin.rpy.matrixToRpy(placed.rotation).tolist(),
+    }
+    arms = [
+        copy.deepcopy(ROBOTS[name]) | {"name": f"arm{i}", "grasp": {"position": [0, 0, 0]}}
+        for i, name in enumerate(names)
+    ]
+    for i, (table, name) in enumerate(zip(arms, names, strict=True)):
+        if not name.startswith(("pr2", "tiago")):
+            yaw = float(rng.uniform(-3, 3))
+            table["base"] = {"position": [float(i), 0, 0], "rpy": [0, 0, yaw]}
+    cell = {"format": 1, "name": "random", "task": {"space": space}, "object": thing, "arms": arms}
+    for table, arm in zip(arms, load_arms(parse(cell)), strict=True):
+        q = rng.uniform(np.fmax(arm.lower, -np.pi), np.fmin(arm.upper, np.pi))
+        if "base" in table:
+            tip = UrdfArm(table, list(arm.joint_names)).at(q)[0]
+            near = placed.translation + rng.uniform(-0.25, 0.25, 3)
+            moved = np.array(table["base"]["position"]) + near - tip.translation
+            table["base"]["position"] = moved.tolist()
+        tip = UrdfArm(table, list(arm.joint_names)).at(q)[0]
+        grasp = placed.inverse() * tip
+        table["grasp"] = {
+            "position": grasp.translation.tolist(),
+            "rpy": pin.rpy.matrixToRpy(grasp.rotation).tolist(),
+        }
+    return cell

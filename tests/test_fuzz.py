@@ -20,7 +20,7 @@ SCALARS = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),
     st.floats(-2, 2),
     st.sampled_from(
-        [0, -1, 1e-300, 1e300, 10**30, True, "", "x", "box", "planar", "\x00", "é" * 300]
+        [0, -1, 1e-300, 1e300, 10**30, True, "", "x", "box", "planar", "\x00", "é" * 300, "$a_b$"]
     ),
 )
 VALUES = st.one_of(
@@ -70,6 +70,7 @@ def mutated(draw: st.DrawFn) -> dict:
             arm["start"] = draw(st.lists(st.floats(-3, 3), min_size=n, max_size=n))
         if draw(st.booleans()):
             arm["position_limits"] = [[-2.9, 2.8]] * n
+    gentle = draw(st.booleans())
     for _ in range(draw(st.integers(1, 3))):
         path = draw(st.sampled_from(places(cell)))
         node: object = cell
@@ -77,13 +78,22 @@ def mutated(draw: st.DrawFn) -> dict:
             node = node[part]
         how = draw(st.sampled_from(["replace", "scale", "scale", "remove", "rename", "repeat"]))
         value = node[path[-1]]
-        if how == "remove":
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if gentle:
+            if number and path[-1] != "format":
+                factor = draw(st.sampled_from([-1, 0.2, 0.9, 1.05, 1.5, 5.0]))
+                node[path[-1]] = value * factor + draw(st.sampled_from([0.0, 0.1, -0.05]))
+            elif path[-1] == "name":
+                node["name"] = draw(
+                    st.text(max_size=8) | st.sampled_from(["$a^", "_x", "[b]", "臂"])
+                )
+        elif how == "remove":
             del node[path[-1]]
         elif how == "rename" and isinstance(node, dict):
             node[draw(st.text(min_size=1, max_size=12))] = node.pop(path[-1])
         elif how == "repeat" and isinstance(node, list):
             node.append(copy.deepcopy(value))
-        elif how == "scale" and isinstance(value, (int, float)) and not isinstance(value, bool):
+        elif how == "scale" and number:
             node[path[-1]] = value * draw(st.sampled_from([-1, 0.0, 1e-6, 0.5, 3.0, 1e3, 1e9]))
         else:
             node[path[-1]] = draw(VALUES)

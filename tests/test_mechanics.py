@@ -9,6 +9,7 @@ import pytest
 from cells import PANDA, planar, two_pandas
 from copose.mechanics import System, object_parameters
 from copose.planning.cell import Cell
+from copose.planning.hessian import differenced_hessian
 from copose.planning.objectives import OBJECTIVES
 from copose.planning.program import PostureProgram
 from copose.problem import parse
@@ -182,3 +183,16 @@ def test_closure_vanishes_at_the_goal_and_not_at_a_flipped_hand() -> None:
             residual = np.array(closure(q, parameters)).ravel()
             assert np.allclose(residual[:3], 0, atol=1e-12)
             assert abs(np.linalg.norm(residual[3:]) - expected) < 1e-10
+
+
+def test_the_hessian_equals_central_differences_of_the_gradient() -> None:
+    cell = Cell.of(parse(planar(2, 4, "planar")))
+    nlp = PostureProgram(cell.system, OBJECTIVES["volume"]).expressions
+    hessian = differenced_hessian(nlp)
+    rng = np.random.default_rng(2)
+    q, weights = rng.uniform(-1.2, 1.2, nlp["x"].shape[0]), rng.normal(size=nlp["g"].shape[0])
+    upper = np.array(hessian(q, cell.parameters, 0.7, weights).full())
+    lagrangian = 0.7 * nlp["f"] + ca.dot(ca.DM(weights), nlp["g"])
+    exact = ca.Function("H", [nlp["x"], nlp["p"]], [ca.hessian(lagrangian, nlp["x"])[0]])
+    wanted = np.triu(np.array(exact(q, cell.parameters)))
+    assert np.abs(upper - wanted).max() < 1e-5 * np.abs(wanted).max()

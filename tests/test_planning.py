@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import copose
-from cells import FILES, planar, tables, two_pandas
+from cells import FILES, planar, random_cell, tables, two_pandas
 from copose.mechanics import object_parameters
 from copose.planning.cell import Cell
 from copose.planning.closing import CLOSED, Projector
@@ -152,6 +152,31 @@ def test_every_space_and_number_of_arms(space: str, arms: int) -> None:
     solution = solved(cell)
     check_posture(solution.after, cell, solution.joint_names)
     assert len(solution.after.ellipsoid.radii) == {"spatial": 6, "planar-linear": 2}.get(space, 3)
+
+
+@pytest.mark.parametrize(
+    ("names", "space"),
+    [
+        (("xarm7", "panda"), "spatial"),
+        (("ur5", "ur5"), "spatial"),
+        (("kinova", "kinova"), "spatial-linear"),
+        (("pr2-left", "pr2-right"), "spatial"),
+        (("pr2-left", "pr2-right"), "spatial-linear"),
+        (("tiago-left", "tiago-right"), "spatial"),
+        (("panda", "ur5", "kinova"), "spatial-linear"),
+        (("panda", "panda", "panda", "panda"), "spatial"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "+".join(value),
+)
+def test_real_robots_in_random_cells(names: tuple[str, ...], space: str) -> None:
+    """Cells that close by construction; every number again by Pinocchio; no local solve fails."""
+    cell = random_cell(names, space, seed=1)
+    solution = solved(cell)
+    for posture in (solution.before, solution.after):
+        check_posture(posture, cell, solution.joint_names)
+    assert solution.objective.after >= solution.objective.before - 1e-12
+    counts = [optimum.count for optimum in solution.search.local_optima]
+    assert sum(counts) >= solution.search.starts - 1
 
 
 def test_runs_with_one_seed_are_bit_identical() -> None:

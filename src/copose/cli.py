@@ -175,6 +175,8 @@ def _check_folder(folder: Path) -> None:
 
 def _finish(solution: Solution, folder: Path, arguments: argparse.Namespace) -> int:
     """Write and print an answer."""
+    from rich.text import Text
+
     from copose.report import draw, picture, solution_table
     from copose.results import to_json, write_file
 
@@ -192,7 +194,7 @@ def _finish(solution: Solution, folder: Path, arguments: argparse.Namespace) -> 
         sys.stdout.write(text)
     elif not arguments.quiet:
         _print(solution_table(solution))
-        _print(f"written to {folder}")
+        _print(Text(f"written to {folder}"))
     if solution.reason is not None and (arguments.json or arguments.quiet):
         print(f"copose: {solution.status}: {one_line(solution.reason)}", file=sys.stderr)  # noqa: T201
     return _STATUS[solution.status]
@@ -201,7 +203,7 @@ def _finish(solution: Solution, folder: Path, arguments: argparse.Namespace) -> 
 def _print(content: RenderableType) -> None:
     from rich.console import Console
 
-    Console(highlight=False, soft_wrap=isinstance(content, str)).print(content)
+    Console(highlight=False).print(content)
 
 
 @contextlib.contextmanager

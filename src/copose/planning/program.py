@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from copose.capability import gram, torque_maps
 from copose.mechanics import System
+from copose.planning.hessian import differenced_hessian
 from copose.planning.objectives import Objective
 from copose.poses import Array
 
-_IPOPT: dict[str, int | float | str | bool] = {
+_IPOPT: dict[str, Any] = {
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
-    "ipopt.hessian_approximation": "limited-memory",
     "ipopt.tol": 1e-9,
     "ipopt.constr_viol_tol": 1e-10,
     # Bounds are joint limits: not a rounding error beyond them.
@@ -102,7 +103,8 @@ class PostureProgram:
         self.expressions = nlp
         self._lower = np.concatenate([c.lower for c in self.constraints])
         self._upper = np.concatenate([c.upper for c in self.constraints])
-        self._solver = ca.nlpsol("posture", "ipopt", nlp, _IPOPT)
+        options = _IPOPT | {"hess_lag": differenced_hessian(nlp)}
+        self._solver = ca.nlpsol("posture", "ipopt", nlp, options)
 
     def solve(self, start: Array, parameters: Array, lower: Array, upper: Array) -> LocalSolve:
         """One local solve.

@@ -212,11 +212,9 @@ def _best(planner: Planner, polished: Polished, before: Measurement) -> Measurem
             best = measured
             break
     allowed = all(_within(cell, i, q) for i, q in enumerate(_joints(before, cell)))
-    if before.ellipsoid is None or not allowed:
+    if best is None or best.ellipsoid is None or before.ellipsoid is None or not allowed:
         return best
-    if best is None or best.ellipsoid is None or value(best.ellipsoid) < value(before.ellipsoid):
-        return before
-    return best
+    return before if value(best.ellipsoid) < value(before.ellipsoid) else best
 
 
 def _record(cell: Cell, starts: int, polished: Polished | None) -> SearchRecord:

@@ -37,13 +37,17 @@ Text: TypeAlias = Annotated[str, Field(max_length=10_000)]
 
 
 def _name(value: str) -> str:
-    if not value.strip() or value.strip(". ") == "" or not value.isprintable():
-        raise PydanticCustomError("copose", "must be a visible name")
-    if any(c in value for c in "/\\:") or len(value.encode()) > 100:
-        raise PydanticCustomError(
-            "copose", "must be at most 100 bytes without '/', '\\' or ':' (it names a folder)"
-        )
+    if not value.strip() or not value.isprintable() or len(value.encode()) > 100:
+        raise PydanticCustomError("copose", "must be a visible name of at most 100 bytes")
     return value
+
+
+def _folder_name(value: str) -> str:
+    if value.strip(". ") == "" or "/" in value or "\\" in value:
+        raise PydanticCustomError(
+            "copose", "must be a name without '/' or '\\': it names the output folder"
+        )
+    return _name(value)
 
 
 def _no_nan(value: float) -> float:
@@ -85,6 +89,7 @@ def _physical_inertia(inertia: Matrix3) -> Matrix3:
 
 
 Name: TypeAlias = Annotated[str, AfterValidator(_name)]
+FolderName: TypeAlias = Annotated[str, AfterValidator(_folder_name)]
 Limit: TypeAlias = Annotated[float, AfterValidator(_no_nan)]
 Range: TypeAlias = Annotated[tuple[Limit, Limit], AfterValidator(_range)]
 Inertia: TypeAlias = Annotated[
@@ -321,7 +326,7 @@ class Problem(Spec):
     """A problem file; `copose.load` reads one, `copose.parse` takes the same as a dict."""
 
     format: Literal[1]
-    name: Name
+    name: FolderName
     description: Text = ""
     task: Task
     object: SpatialObject | PlanarObject

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from pathlib import Path
 
 from copose.errors import InputError
@@ -39,7 +40,9 @@ def picture(solution: Solution, kind: str) -> bytes:
 
     # The date that these formats carry would make the same result look different every time.
     metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
-    with matplotlib.rc_context(style.RC):
+    with matplotlib.rc_context(style.RC), warnings.catch_warnings():
+        # A name in a script that the font lacks is drawn as boxes; that is all there is to say.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         planar = SPACES[solution.problem.space].planar
         figure = planar_figure(solution) if planar else spatial_figure(solution)
         sink = io.BytesIO()

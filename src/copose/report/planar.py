@@ -105,7 +105,7 @@ def _scene(ax: Axes, posture: Posture, solution: Solution, scale: float) -> None
         points = np.array(arm.skeleton)[:, :2]
         color = colors[name]
         ax.plot(*points.T, color=color, linewidth=5, solid_capstyle="round",
-                solid_joinstyle="round", alpha=0.85, zorder=3, label=name)  # fmt: skip
+                solid_joinstyle="round", alpha=0.85, zorder=3, label=f"arm {name}")  # fmt: skip
         ax.plot(*points[1:-1].T, linestyle="", marker="o", markersize=7, markerfacecolor="white",
                 markeredgecolor=style.INK, markeredgewidth=1.2, zorder=5)  # fmt: skip
         ax.plot(*points[-1], marker="o", markersize=4, color=style.INK, zorder=5)

@@ -136,7 +136,7 @@ def _scene(ax: Any, posture: Posture, solution: Solution, low: Array, high: Arra
     for name, color in zip(posture.arms, style.ARMS * len(posture.arms), strict=False):
         points = np.array(posture.arms[name].skeleton)
         ax.plot(*points.T, color=color, linewidth=4, solid_capstyle="round",
-                solid_joinstyle="round", label=name)  # fmt: skip
+                solid_joinstyle="round", label=f"arm {name}")  # fmt: skip
         ax.plot(*points[1:-1].T, linestyle="", marker="o", markersize=5, markerfacecolor="white",
                 markeredgecolor=style.INK)  # fmt: skip
         ax.plot(*points[:1].T, marker="s", markersize=8, color=color)

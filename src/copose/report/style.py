@@ -25,6 +25,8 @@ RC: Any = {
     "font.family": "sans-serif",
     "svg.hashsalt": "copose",
     "svg.fonttype": "none",
+    # Names are not formulas.
+    "text.parse_math": False,
 }
 
 LINEAR_UNIT = "m/s² per N·m"
