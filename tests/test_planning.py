@@ -266,12 +266,25 @@ def test_out_of_reach_names_the_arm_and_the_exact_gap() -> None:
     assert copose.verify(parse(cell), solution) == ()
 
 
+def test_a_closed_start_is_found_where_hardly_anything_closes() -> None:
+    """Limits that leave next to nothing around the start: random postures alone all miss."""
+    cell = tables("paper-fig2")
+    for arm in cell["arms"]:
+        arm["position_limits"] = [[q - 1e-9, q + 1e-9] for q in arm["start"]]
+    solution = solved(cell)
+    assert solution.objective.after == pytest.approx(0.330457, abs=1e-5)
+
+
 def test_too_near_is_a_miss_too() -> None:
-    """Joint limits that keep the arm from folding: the nearest is not the farthest."""
+    """Joint limits that keep the arm from folding: it reaches beyond its grasp, by how much."""
     cell = planar(1, 3)
     cell["arms"][0]["position_limits"] = [[-3, 3], [-0.2, 0.2], [-0.2, 0.2]]
     solution = copose.solve(parse(cell))
     assert solution.status == "infeasible" and "'a1'" in solution.reason
+    # Folded as far as it goes the arm spans this much, and its first joint can point it anywhere.
+    reach = abs(0.4 * np.sum(np.exp(1j * np.array([0.0, 0.2, 0.4]))))
+    gap = reach - np.hypot(-0.15 + 0.7, 0.1)
+    assert solution.nearest_miss.closure_error["a1"] == pytest.approx(gap, abs=1e-6)
 
 
 def test_an_orientation_out_of_reach_says_so() -> None:
@@ -317,6 +330,14 @@ def test_evaluate_neither_projects_nor_bends_limits() -> None:
     assert "'a2'" in solution.reason and f"{gap:.4g}" in solution.reason
     problem = parse(two_pandas())
     joints = {name: list(q) for name, q in copose.solve(problem).after.joints.items()}
+    for moved in (0, 6):
+        open_joints = {name: list(q) for name, q in joints.items()}
+        open_joints["left"][moved] += 0.1 if joints["left"][moved] < 0 else -0.1
+        miss = copose.evaluate(problem, open_joints).nearest_miss
+        names = {name: [f"panda_joint{i}" for i in range(1, 8)] for name in joints}
+        gaps = Truth(two_pandas(), names).at(open_joints).closure
+        assert gaps["left"] > 0.09
+        assert miss.closure_error == pytest.approx(gaps, abs=1e-9)
     joints["left"][3] = 0.5
     broken = copose.evaluate(problem, joints)
     assert broken.status == "infeasible" and "panda_joint4" in broken.reason

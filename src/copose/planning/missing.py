@@ -51,7 +51,9 @@ def nearest_miss(cell: Cell, i: int, sample: ArmSample) -> Miss:
             return np.array(function(q, cell.parameters)[1])
 
         bounds = (cell.lower[i], cell.upper[i])
-        low, high = np.nextafter(bounds[0], np.inf), np.nextafter(bounds[1], -np.inf)
+        # An interior-point method: from a joint limit itself it cannot start.
+        inside = 1e-2 * np.fmin(bounds[1] - bounds[0], 1.0)
+        low, high = bounds[0] + inside, bounds[1] - inside
         ends = [
             least_squares(
                 residual,

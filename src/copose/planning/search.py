@@ -48,14 +48,17 @@ class ArmSample:
 
 
 def sample_arm(cell: Cell, projector: Projector, i: int) -> ArmSample:
-    """Closed postures of arm i, projected from random ones, in an order that the seed gives."""
+    """Closed postures of arm i, projected from its start and from random ones by the seed."""
     rng = np.random.default_rng([cell.problem.search.seed, i])
     lower, upper = cell.lower[i], cell.upper[i]
     low, high = _finite_range(lower, upper)
     closed, missed, gaps = [], [], []
     found = 0
-    for _ in range(_MOST_BATCHES):
+    for batch in range(_MOST_BATCHES):
         drawn = rng.uniform(low, high, (_BATCH, len(low)))
+        start = cell.arms[i].start
+        if batch == 0 and start is not None:
+            drawn[0] = start
         q, gap = projector.project(drawn, cell.parameters, lower, upper)
         good = gap < CLOSED
         closed.append(cell.wrapped(i, q[good]))

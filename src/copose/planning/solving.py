@@ -64,21 +64,14 @@ class Planner:
             build_s=time.perf_counter() - began,
         )
 
-    def close(self, joints: Sequence[Array]) -> list[Array] | None:
-        """Joints of every arm projected onto their grasps, or None where one does not get there."""
-        cell = self.cell
-        closed = []
-        for i, (projector, q) in enumerate(zip(self.projectors, joints, strict=True)):
-            residual, _ = projector.residuals(q[None], cell.parameters)
-            if np.linalg.norm(residual) > CLOSED or not _within(cell, i, q):
-                ends, gaps = projector.project(
-                    q[None], cell.parameters, cell.lower[i], cell.upper[i]
-                )
-                if gaps[0] > CLOSED:
-                    return None
-                q = ends[0]
-            closed.append(q)
-        return closed
+    def closed(self, i: int, q: Array) -> Array | None:
+        """Joints of arm i as they are where they hold the object, else projected, or None."""
+        projector, cell = self.projectors[i], self.cell
+        residual, _ = projector.residuals(q[None], cell.parameters)
+        if np.linalg.norm(residual) <= CLOSED:
+            return q
+        ends, gaps = projector.project(q[None], cell.parameters, cell.lower[i], cell.upper[i])
+        return ends[0] if gaps[0] <= CLOSED else None
 
 
 def _within(cell: Cell, i: int, q: Array) -> bool:
@@ -173,22 +166,13 @@ def _before(planner: Planner, samples: Sequence[ArmSample]) -> tuple[Measurement
     cell = planner.cell
     joints, notes = [], []
     for i, (arm, sample) in enumerate(zip(cell.arms, samples, strict=True)):
-        q = sample.closed[0]
-        if arm.start is not None:
-            residual, _ = planner.projectors[i].residuals(arm.start[None], cell.parameters)
-            if np.linalg.norm(residual) <= CLOSED:
-                q = arm.start
-            else:
-                ends, gaps = planner.projectors[i].project(
-                    arm.start[None], cell.parameters, cell.lower[i], cell.upper[i]
-                )
-                if gaps[0] <= CLOSED:
-                    q = ends[0]
-                else:
-                    notes.append(
-                        f"the start of arm {arm.name!r} could not be projected onto its grasp; "
-                        "the first closed posture of the seed stands in for it"
-                    )
+        q = planner.closed(i, arm.start) if arm.start is not None else sample.closed[0]
+        if q is None:
+            q = sample.closed[0]
+            notes.append(
+                f"the start of arm {arm.name!r} could not be projected onto its grasp; the first "
+                "closed posture of the seed stands in for it"
+            )
         if not _within(cell, i, q):
             notes.append(f"the start of arm {arm.name!r} is within joint_margin of a limit")
         joints.append(q)
@@ -200,10 +184,10 @@ def _best(planner: Planner, polished: Polished, before: Measurement) -> Measurem
     cell, value = planner.cell, planner.objective.value
     best = None
     for optimum in polished.optima:
-        joints = planner.close(cell.system.split(optimum.q))
-        if joints is None:
+        joints = [planner.closed(i, q) for i, q in enumerate(cell.system.split(optimum.q))]
+        if any(q is None for q in joints):
             continue
-        measured = planner.meter.measure(joints)
+        measured = planner.meter.measure([q for q in joints if q is not None])
         if (
             measured.ellipsoid is not None
             and max(measured.posture.closure_error.values()) <= CLOSURE_TOLERANCE
@@ -236,6 +220,8 @@ def _failures(polished: Polished, starts: int) -> tuple[str, ...]:
 def _why(polished: Polished, before: Measurement) -> str:
     if before.notes:
         return before.notes[0]
+    if not polished.failures:
+        return "no local optimum passed its own check of closure and objective"
     worst = [
         f"{name} {violation:.1e}"
         for name, violation in polished.failures[0].violations.items()
