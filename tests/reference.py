@@ -97,6 +97,22 @@ class UrdfArm:
         J = np.vstack([R @ J[:3], R @ J[3:]])
         return self.origin * data.oMf[self.tip], J, M, np.array(g)
 
+    def in_motion(self, q, speed, gravity):
+        """Torques of velocity and gravity, and the tip's J̇q̇ in world axes, (6,)."""
+        model = self.model.copy()
+        model.gravity.linear = self.origin.rotation.T @ np.array(gravity)
+        data = model.createData()
+        configuration = self.configuration(q)
+        bias = pin.nonLinearEffects(model, data, configuration, speed)
+        model.gravity.linear = np.zeros(3)
+        data = model.createData()
+        pin.forwardKinematics(model, data, configuration, speed, np.zeros(len(q)))
+        lag = pin.getFrameClassicalAcceleration(
+            model, data, self.tip, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )
+        R = self.origin.rotation
+        return np.array(bias), np.concatenate([R @ lag.linear, R @ lag.angular])
+
 
 class PlanarArm:
     """One planar ``[[arms]]`` table by sums over its links."""
@@ -129,6 +145,24 @@ class PlanarArm:
         rotation = pin.rpy.rpyToMatrix(0.0, 0.0, float(angles[-1]))
         tip = pin.SE3(rotation, np.array([*ends[-1], 0.0]))
         return tip, jacobian(ends[-1], n - 1), M, None
+
+    def in_motion(self, q, speed, gravity):
+        """The same as for a URDF: every point's centripetal acceleration, and what it takes."""
+        start = math.atan2(self.base.rotation[1, 0], self.base.rotation[0, 0])
+        angles, rates = start + np.cumsum(q), np.cumsum(speed)
+        n = len(q)
+        ends, lags = [np.zeros(2)], [np.zeros(2)]
+        bias = np.zeros(n)
+        for link, angle, rate in zip(self.links, angles, rates, strict=True):
+            along = np.array([math.cos(angle), math.sin(angle)])
+            com, lag = ends[-1] + link["com"] * along, lags[-1] - link["com"] * rate**2 * along
+            force = link["mass"] * (lag - np.array(gravity[:2]))
+            for j, joint in enumerate(ends):
+                r = com - joint
+                bias[j] += r[0] * force[1] - r[1] * force[0]
+            lags.append(lags[-1] - link["length"] * rate**2 * along)
+            ends.append(ends[-1] + link["length"] * along)
+        return bias, np.array([*lags[-1], 0, 0, 0, 0])
 
 
 @dataclass
@@ -183,6 +217,9 @@ class Problem:
         m = len(self.rows)
         W = np.hstack([self.W(table) for table in self.tables["arms"]])
         W_pinv = np.linalg.pinv(W)
+        if self.tables.get("ellipsoid", {}).get("load_distribution") == "nonsqueezing":
+            shares = [np.linalg.inv(self.W(table)) for table in self.tables["arms"]]
+            W_pinv = np.vstack(shares) / len(shares)
         blocks, closure, own = [], {}, {}
         for i, table in enumerate(self.tables["arms"]):
             name = table["name"]
@@ -198,3 +235,83 @@ class Problem:
             closure[name] = max(gap, angle) if m in (6,) or self.space == "planar" else gap
         A = np.vstack(blocks)
         return Recomputed(A.T @ A, A, closure, own)
+
+    def limits(self) -> np.ndarray:
+        """T: ones, or the torque limits of the file or the URDF."""
+        parts = []
+        for table in self.tables["arms"]:
+            arm = self.arms[table["name"]]
+            if self.tables.get("ellipsoid", {}).get("torque_scaling", "unit") == "unit":
+                n = len(table["links"]) if "links" in table else arm.model.nv
+                parts.append(np.ones(n))
+            elif "torque_limits" in table:
+                parts.append(np.array(table["torque_limits"], dtype=float))
+            else:
+                parts.append(np.array(arm.model.upperEffortLimit))
+        return np.concatenate(parts)
+
+    def constrained_dynamics(self, joints: dict):
+        """(B, c): the object's acceleration is B τ + c, from the full equations of motion.
+
+        M q̈ + b + Jᵀh = τ, J q̈ + J̇q̇ = Wᵀa + Ẇᵀv, W h = M_o a + c_o + g_o, solved as they stand.
+        """
+        m, rows = len(self.rows), self.rows
+        settings = self.tables.get("ellipsoid", {})
+        planar = self.space.startswith("planar")
+        default = [0.0, 0.0] if planar else [0.0, 0.0, -9.81]
+        gravity = np.array(self.tables.get("world", {}).get("gravity", default), dtype=float)
+        gravity = np.array([*gravity, 0.0])[:3] * bool(settings.get("gravity", False))
+        v = np.array(self.tables["object"].get("velocity", np.zeros(m)), dtype=float)
+        full = np.zeros(6)
+        full[rows] = v
+        omega = full[3:]
+        Ms, Js, Ws, bias, lags = [], [], [], [], []
+        for table in self.tables["arms"]:
+            arm, q = self.arms[table["name"]], np.array(joints[table["name"]])
+            _, J, M, _ = arm.at(q)
+            J, W = J[rows], self.W(table)
+            speed = np.linalg.pinv(J) @ W.T @ v
+            b, lag = arm.in_motion(q, speed, gravity)
+            r = self.object.rotation @ pose(table["grasp"]).translation
+            swing = np.concatenate([np.cross(omega, np.cross(omega, r)), np.zeros(3)])
+            Ms.append(M)
+            Js.append(J)
+            Ws.append(W)
+            bias.append(b)
+            lags.append((swing - lag)[rows])
+        import scipy.linalg
+
+        M, J, W = scipy.linalg.block_diag(*Ms), scipy.linalg.block_diag(*Js), np.hstack(Ws)
+        N, Km = len(M), len(J)
+        system = np.zeros((N + Km + m, N + Km + m))
+        system[:N, :N], system[:N, N : N + Km] = M, J.T
+        system[N : N + Km, :N], system[N : N + Km, N + Km :] = J, -W.T
+        system[N + Km :, N : N + Km], system[N + Km :, N + Km :] = W, -self.M_o
+        inertia = np.zeros((6, 6))
+        inertia[np.ix_(rows, rows)] = self.M_o
+        weight = np.concatenate([-gravity * self.tables["object"]["mass"], np.zeros(3)])
+        turning = np.concatenate([np.zeros(3), np.cross(omega, inertia[3:, 3:] @ omega)])
+        right = np.concatenate(
+            [-np.concatenate(bias), np.concatenate(lags), (weight + turning)[rows]]
+        )
+        torques = np.vstack([np.eye(N), np.zeros((Km + m, N))])
+        solved = np.linalg.solve(system, np.column_stack([torques, right]))[N + Km :]
+        return solved[:, :N], solved[:, N]
+
+    def ellipsoid(self, joints: dict):
+        """(gram, center) of what the file asks for, with its slice."""
+        settings = self.tables.get("ellipsoid", {})
+        T = self.limits()
+        B, center = self.constrained_dynamics(joints)
+        if settings.get("resolution", "pseudoinverse") == "torque-optimal":
+            factor = np.linalg.inv(np.linalg.qr((B * T).T)[1]).T
+        else:
+            factor = self.at(joints).factor / T[:, None]
+        names = {
+            "spatial": ["x", "y", "z", "roll", "pitch", "yaw"],
+            "spatial-linear": ["x", "y", "z"],
+            "planar": ["x", "y", "angle"],
+            "planar-linear": ["x", "y"],
+        }[self.space]
+        axes = [names.index(a) for a in self.tables.get("objective", {}).get("axes", names)]
+        return factor[:, axes], center[axes]

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cells import planar, two_pandas
-from copose.capability import Ellipsoid, gram, log_ball_volume, own_torque_map, torque_maps
+from copose.capability import RESOLUTIONS, Ellipsoid, log_ball_volume, own_torque_map, torque_map
 from copose.mechanics import System, object_parameters
 from copose.planning.cell import Cell
 from copose.planning.measuring import Meter
@@ -51,7 +51,7 @@ def test_gram_radii_and_volume_are_exact_to_1e8(space: str, condition: float) ->
     A_of = ca.Function(
         "A",
         [s for pair in symbols for s in pair] + [system.object.parameters],
-        [ca.vertcat(*torque_maps(bare)), *system.object.W],
+        [ca.vertcat(*(torque_map(bare, i) for i in range(len(bare.arms)))), *system.object.W],
     )
     rng = np.random.default_rng(int(condition))
     thing = problem.object
@@ -120,9 +120,12 @@ def test_massless_object_lies_between_the_intersection_and_its_root_k(
     maps = ca.Function(
         "maps",
         [system.q, system.object.parameters],
-        [ca.vertcat(*torque_maps(system)), *(own_torque_map(arm) for arm in system.arms),
-         *system.object.W],
-    )  # fmt: skip
+        [
+            ca.vertcat(*(torque_map(system, i) for i in range(K))),
+            *(own_torque_map(arm) for arm in system.arms),
+            *system.object.W,
+        ],
+    )
     parameters = object_parameters(problem.object.pose, 0.0, 0.0)
     rng = np.random.default_rng(5)
     for _ in range(20):
@@ -149,7 +152,9 @@ def test_single_arm_without_object_is_yoshikawas_ellipsoid() -> None:
     system = System.of(problem.space, load_arms(problem))
     arm = system.arms[0]
     numbers = ca.Function(
-        "n", [arm.q, system.object.parameters], [gram(torque_maps(system)[0]), arm.J, arm.M]
+        "n",
+        [arm.q, system.object.parameters],
+        [RESOLUTIONS["pseudoinverse"].system_gram(system, [np.ones(3)]), arm.J, arm.M],
     )
     parameters = object_parameters(problem.object.pose, 0.0, 0.0)
     rng = np.random.default_rng(0)
@@ -172,7 +177,7 @@ def test_single_arm_with_object_and_square_jacobian(space: str) -> None:
     numbers = ca.Function(
         "n",
         [arm.q, system.object.parameters],
-        [torque_maps(system)[0], arm.J, arm.M, system.object.M_o],
+        [torque_map(system, 0), arm.J, arm.M, system.object.M_o],
     )
     parameters = object_parameters(problem.object.pose, 1.7, 0.04)
     rng = np.random.default_rng(0)

@@ -12,7 +12,7 @@ from cells import FILES, planar, random_cell, tables, two_pandas
 from copose.mechanics import object_parameters
 from copose.planning.cell import Cell
 from copose.planning.closing import CLOSED, Projector
-from copose.planning.objectives import OBJECTIVES
+from copose.planning.objectives import Volume
 from copose.planning.program import PostureProgram
 from copose.planning.search import sample_arm
 from copose.poses import Pose
@@ -196,7 +196,7 @@ def test_object_pose_mass_and_inertia_are_parameters() -> None:
     """One program solves a moved, heavier object as a program built for it does."""
     cell = two_pandas()
     ready = Cell.of(parse(cell))
-    program = PostureProgram(ready.system, OBJECTIVES["volume"])
+    program = PostureProgram(ready.system, ready.gram, Volume("log"))
     moved = two_pandas()
     moved["object"].update(
         position=[0.52, 0.03, 0.48], rpy=[0.05, -0.02, 0.1], mass=3.0, inertia=[0.05, 0.04, 0.03]
@@ -211,7 +211,7 @@ def test_object_pose_mass_and_inertia_are_parameters() -> None:
     bounds = np.concatenate(other.lower), np.concatenate(other.upper)
     ends = [
         built.solve(start, parameters, *bounds)
-        for built in (program, PostureProgram(other.system, OBJECTIVES["volume"]))
+        for built in (program, PostureProgram(other.system, other.gram, Volume("log")))
     ]
     assert ends[0].converged and np.array_equal(ends[0].q, ends[1].q)
     truth = Truth(moved, {arm.name: list(arm.joint_names) for arm in other.arms})

@@ -31,6 +31,12 @@ def put(cell: dict, path: str, value: object) -> dict:
 
 LINKS = [{"length": 0.4, "mass": 1.0, "inertia": 0.03, "com": 0.2}] * 3
 
+
+def task(direction: list, weight: float = 1.0, **more: object) -> dict:
+    weighted = {"direction": direction, "weight": weight}
+    return {"kind": "task-compatibility", "directions": [weighted], **more}
+
+
 SPATIAL = [
     ("object.mas", 1.0, "object.mas: unknown key; did you mean 'mass'?"),
     ("object.mass", None, "object.mass: missing"),
@@ -50,7 +56,7 @@ SPATIAL = [
     ("object.position", [1, 2], "object.position: has 2 entries; 3 are needed"),
     ("object.position", [1, 2, 3, 4], "object.position: has 4 entries; at most 3 allowed"),
     ("object.angle", 1.0, "object.angle: unknown key"),
-    ("object.velocity", [0] * 6, "object.velocity: unknown key"),
+    ("object.velocity", [0] * 5, "object.velocity: has 5 entries; 6 are needed"),
     ("object.freedom", {"x": [0, 1]}, "object.freedom: unknown key"),
     ("object.shape", {"kind": "disk", "radius": 1.0}, "'disk' is not allowed here; allowed: 'box'"),
     ("object.shape", {"radius": 1.0}, "object.shape: missing kind"),
@@ -95,14 +101,28 @@ SPATIAL = [
     ("constraints.joint_margin", -0.1, "constraints.joint_margin: -0.1 must be at least 0"),
     ("constraints.static_torque", True, "constraints.static_torque: unknown key"),
     ("constraints.collision", True, "constraints.collision: unknown key"),
-    ("objective.kind", "payload", "objective.kind: 'payload' is not allowed; allowed: 'volume'"),
-    ("objective.axes", ["x"], "objective.axes: unknown key"),
-    ("ellipsoid.resolution", "torque-optimal", "ellipsoid.resolution: 'torque-optimal' is not"),
-    ("ellipsoid.gravity", True, "ellipsoid.gravity: True is not allowed; allowed: False"),
+    (
+        "objective.kind",
+        "payload",
+        "objective.kind: 'payload' is not allowed here; allowed: 'volume'",
+    ),
+    ("objective.kind", "volum", "did you mean 'volume'?"),
+    ("objective.axes", ["x", "w"], "objective.axes[1]: 'w' is no coordinate of space 'spatial'"),
+    ("objective.axes", ["x", "x"], "objective.axes[1]: 'x' is named twice"),
+    ("objective.axes", [], "objective.axes: is empty"),
+    ("objective", {"kind": "task-compatibility"}, "objective.directions: missing"),
+    ("objective", {"kind": "volume", "directions": []}, "objective.directions: unknown key"),
+    ("objective", task([1, 0]), "objective.directions[0].direction: has 2 entries; 6 are needed"),
+    ("objective", task([0] * 6), "objective.directions[0].direction: [0, 0, 0, 0, 0, 0]: must not"),
+    ("objective", task([1] * 6, weight=0.0), "objective.directions[0].weight: 0.0: must not be"),
+    ("objective", task([1] * 6, axes=["x", "y"]), "points outside axes: z, roll, pitch, yaw must"),
+    ("objective", task([1] * 3, axes=["x", "y"]), "has 3 entries; 6 or 2 are needed"),
+    ("ellipsoid.resolution", "torque", "ellipsoid.resolution: 'torque' is not allowed; allowed"),
+    ("ellipsoid.gravity", 1, "ellipsoid.gravity: 1 must be true or false"),
+    ("world.gravity", [0, 0], "world.gravity: has 2 entries; 3 are needed"),
     ("search.seed", -1, "search.seed: -1 must be at least 0"),
     ("search.seed", 0.5, "search.seed: 0.5 must be a whole number"),
     ("search.reachable", True, "search.reachable: unknown key"),
-    ("world", {"gravity": [0, 0, 0]}, "world: unknown key; allowed: arms"),
     ("path", {"duration": 1.0}, "path: unknown key"),
     ("obstacles", [], "obstacles: unknown key"),
 ]

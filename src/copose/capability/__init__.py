@@ -1,6 +1,22 @@
-"""What torques can do: A_o and the Ellipsoid value."""
+"""What torques can do: the two ellipsoids of a system as expressions, and the Ellipsoid value."""
 
 from copose.capability.ellipsoid import Ellipsoid, log_ball_volume
-from copose.capability.manipulability import gram, log_det, own_torque_map, torque_maps
+from copose.capability.resolutions import (
+    RESOLUTIONS,
+    Resolution,
+    log_det,
+    own_torque_map,
+    torque_map,
+    zero_torque_acceleration,
+)
 
-__all__ = ["Ellipsoid", "gram", "log_ball_volume", "log_det", "own_torque_map", "torque_maps"]
+__all__ = [
+    "RESOLUTIONS",
+    "Ellipsoid",
+    "Resolution",
+    "log_ball_volume",
+    "log_det",
+    "own_torque_map",
+    "torque_map",
+    "zero_torque_acceleration",
+]

@@ -47,7 +47,7 @@ def gravity_torques(chain: Chain, gravity: Array | ca.SX) -> ca.SX:
         gravity: acceleration of free fall in root axes, m/s², (3,).
     """
     n = chain.arm.n
-    fall = ca.SX(gravity) if isinstance(gravity, ca.SX) else constant(np.asarray(gravity))
+    fall = gravity if isinstance(gravity, ca.SX) else constant(np.asarray(gravity))
     torques = []
     mass, first = 0.0, ca.SX(3, 1)
     for j in reversed(range(n)):

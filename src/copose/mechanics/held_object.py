@@ -42,7 +42,10 @@ class HeldObject:
         quaternion: the same.
         M_o: inertia in the task space, (m, m).
         W: one block per contact, (m, m) each: wrench at contact i on the object's centre of mass.
-        W_pinv: Moore–Penrose inverse of [W_1 … W_K], one block per contact, (m, m) each.
+        W_pinv: a right inverse of [W_1 … W_K], one block per contact, (m, m) each: how the object's
+            wrench is distributed over the contacts.
+        inertia: 3×3 about the centre of mass, world axes.
+        contacts: r_i, from the centre of mass to contact i, world axes, (3,) each.
     """
 
     parameters: ca.SX
@@ -52,12 +55,23 @@ class HeldObject:
     M_o: ca.SX
     W: tuple[ca.SX, ...]
     W_pinv: tuple[ca.SX, ...]
+    inertia: ca.SX
+    contacts: tuple[ca.SX, ...]
 
     @classmethod
-    def held_at(cls, space: Space, grasps: Sequence[Pose]) -> HeldObject:
+    def held_at(
+        cls, space: Space, grasps: Sequence[Pose], load_distribution: str = "moore-penrose"
+    ) -> HeldObject:
         """An object held at the given placements of the tips in its frame.
 
         r_i = R_object · grasp position is nominal: where the contact should be, not where a tip is.
+
+        Args:
+            space: the task space.
+            grasps: T_object_tip, one per arm.
+            load_distribution: which W⁺: ``moore-penrose`` Wᵀ(W Wᵀ)⁻¹, or ``nonsqueezing``
+                W_i⁻¹/K, every arm an equal share of the wrench reduced to the centre of mass
+                (I. D. Walker, R. A. Freeman, S. I. Marcus, 1991).
         """
         parameters = ca.SX.sym("object", N_PARAMETERS)
         position, quaternion, mass, upper = ca.vertsplit(parameters, [0, 3, 7, 8, N_PARAMETERS])
@@ -69,16 +83,34 @@ class HeldObject:
                 [upper[2], upper[4], upper[5]],
             ]
         )
-        full = ca.diagcat(mass * ca.SX.eye(3), rotation @ inertia @ rotation.T)
+        inertia = rotation @ inertia @ rotation.T
+        full = ca.diagcat(mass * ca.SX.eye(3), inertia)
         rows = list(space.rows)
-        W = tuple(
-            _grasp_matrix(rotation @ ca.SX(ca.DM(grasp.position)))[rows, rows] for grasp in grasps
+        contacts = tuple(rotation @ ca.SX(ca.DM(grasp.position)) for grasp in grasps)
+        W = tuple(_grasp_matrix(r)[rows, rows] for r in contacts)
+        if load_distribution == "nonsqueezing":
+            W_pinv = tuple(_grasp_matrix(-r)[rows, rows] / len(contacts) for r in contacts)
+        else:
+            W_pinv = _moore_penrose(W)
+        return cls(
+            parameters=parameters,
+            position=position,
+            rotation=rotation,
+            quaternion=quaternion,
+            M_o=full[rows, rows],
+            W=W,
+            W_pinv=W_pinv,
+            inertia=inertia,
+            contacts=contacts,
         )
-        WWt = sum((W_i @ W_i.T for W_i in W), ca.SX(space.m, space.m))
-        D, LT, order = ca.ldl(WWt, False)
-        inverse = ca.ldl_solve(ca.SX.eye(space.m), D, LT, order)
-        W_pinv = tuple(W_i.T @ inverse for W_i in W)
-        return cls(parameters, position, rotation, quaternion, full[rows, rows], W, W_pinv)
+
+
+def _moore_penrose(W: tuple[ca.SX, ...]) -> tuple[ca.SX, ...]:
+    """Blocks of Wᵀ(W Wᵀ)⁻¹."""
+    m = W[0].shape[0]
+    D, LT, order = ca.ldl(sum((W_i @ W_i.T for W_i in W), ca.SX(m, m)), False)
+    inverse = ca.ldl_solve(ca.SX.eye(m), D, LT, order)
+    return tuple(W_i.T @ inverse for W_i in W)
 
 
 def _grasp_matrix(r: ca.SX) -> ca.SX:

@@ -61,9 +61,19 @@ class ArmMechanics:
             M=mass_matrix(chain),
         )
 
-    def gravity_torques(self, gravity: Array) -> ca.SX:
+    def gravity_torques(self, gravity: Array | ca.SX) -> ca.SX:
         """Torques that hold the arm, (n,); gravity in world axes, m/s²."""
-        return gravity_torques(self.chain, self.arm.base.rotation.T @ gravity)
+        return gravity_torques(self.chain, constant(self.arm.base.rotation.T) @ gravity)
+
+    def velocity_torques(self, speed: ca.SX) -> ca.SX:
+        """Coriolis and centrifugal torques Ṁq̇ − ½ ∂(q̇ᵀMq̇)/∂q at joint speeds q̇, (n,)."""
+        momentum = self.M @ speed
+        energy = ca.dot(speed, momentum) / 2
+        return ca.jtimes(momentum, self.q, speed) - ca.gradient(energy, self.q)
+
+    def velocity_acceleration(self, speed: ca.SX) -> ca.SX:
+        """J̇q̇, the tip's acceleration at joint speeds q̇ without joint accelerations, (m,)."""
+        return ca.jtimes(self.J @ speed, self.q, speed)
 
     @property
     def skeleton(self) -> ca.SX:
@@ -91,8 +101,10 @@ class System:
     object: HeldObject
 
     @classmethod
-    def of(cls, space: Space, arms: Sequence[Arm]) -> System:
-        """The system of these arms in a task space.
+    def of(
+        cls, space: Space, arms: Sequence[Arm], load_distribution: str = "moore-penrose"
+    ) -> System:
+        """The system of these arms in a task space, see `HeldObject.held_at`.
 
         Raises:
             InputError: an arm's mass matrix is not positive definite; the joint is named.
@@ -100,7 +112,8 @@ class System:
         expressions = tuple(ArmMechanics.of(arm, space) for arm in arms)
         for i, expression in enumerate(expressions):
             _check_mass_matrix(expression, f"arms[{i}]")
-        return cls(space, expressions, HeldObject.held_at(space, [arm.grasp for arm in arms]))
+        grasps = [arm.grasp for arm in arms]
+        return cls(space, expressions, HeldObject.held_at(space, grasps, load_distribution))
 
     @property
     def q(self) -> ca.SX:

@@ -44,6 +44,9 @@ def answer(
             name=cell.problem.name,
             space=cell.problem.task.space,
             shape=cell.problem.object.shape,
+            axes=tuple(cell.problem.space.coordinates[i] for i in cell.problem.axes),
+            resolution=cell.resolution.name,
+            torque_scaling=cell.problem.ellipsoid.torque_scaling,
         ),
         status=status,
         reason=reason,
@@ -66,10 +69,12 @@ def answer(
 def _value(objective: Objective, measured: Measurement | None) -> float | None:
     if measured is None or measured.ellipsoid is None:
         return None
-    return objective.value(measured.ellipsoid)
+    return objective.of(measured.ellipsoid)
 
 
 def _open(measured: Measurement) -> Posture:
     """A posture without the system's ellipsoid: arms that do not hold the object have none."""
-    m = len(measured.posture.ellipsoid.center)
-    return measured.posture.model_copy(update={"ellipsoid": EllipsoidRecord.of(None, m)})
+    posture = measured.posture
+    nothing = EllipsoidRecord.of(None, len(posture.ellipsoid.center))
+    volumes = dict.fromkeys(posture.log_volumes)
+    return posture.model_copy(update={"ellipsoid": nothing, "log_volumes": volumes})

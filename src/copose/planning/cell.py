@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
+from copose.capability import RESOLUTIONS, Resolution
 from copose.errors import InputError
 from copose.mechanics import System, object_parameters
 from copose.poses import Array
@@ -24,6 +27,8 @@ class Cell:
         parameters: the object's numbers.
         lower: by arm, lowest joint positions, margin kept.
         upper: alike.
+        resolution: whose ellipsoid is asked for.
+        scales: by arm, the torques T that the ball is measured in.
     """
 
     problem: Problem
@@ -32,6 +37,8 @@ class Cell:
     parameters: Array
     lower: tuple[Array, ...]
     upper: tuple[Array, ...]
+    resolution: Resolution
+    scales: tuple[Array, ...]
 
     @classmethod
     def of(cls, problem: Problem) -> Cell:
@@ -42,7 +49,8 @@ class Cell:
         """
         arms = load_arms(problem)
         try:
-            system = System.of(problem.space, arms)
+            system = System.of(problem.space, arms, problem.ellipsoid.load_distribution)
+            scales = _torque_scales(problem, arms)
         except InputError as error:
             raise InputError(error.message, key=error.key, file=problem.source) from None
         thing, margin = problem.object, problem.constraints.joint_margin
@@ -54,10 +62,47 @@ class Cell:
             parameters=object_parameters(thing.pose, thing.mass, inertia),
             lower=tuple(arm.lower + margin for arm in arms),
             upper=tuple(arm.upper - margin for arm in arms),
+            resolution=RESOLUTIONS[problem.ellipsoid.resolution],
+            scales=scales,
         )
+
+    @property
+    def gravity(self) -> Array:
+        """Acceleration of free fall that the ellipsoid's centre counts, world axes, (3,)."""
+        if not self.problem.ellipsoid.gravity:
+            return np.zeros(3)
+        return np.array([*self.problem.world.gravity, 0.0])[:3]
+
+    @property
+    def velocity(self) -> Array:
+        """Velocity of the object, (m,)."""
+        given = self.problem.object.velocity
+        return np.zeros(self.problem.space.m) if given is None else np.array(given)
+
+    @property
+    def gram(self) -> ca.SX:
+        """G of the ellipsoid that is asked for, its slice by ``axes``, (a, a)."""
+        axes = list(self.problem.axes)
+        return self.resolution.system_gram(self.system, self.scales)[axes, axes]
 
     def wrapped(self, i: int, q: Array) -> Array:
         """Positions of arm i, (..., n), with unlimited revolute joints in (−π, π]."""
         turns = np.array([joint.kind == "revolute" for joint in self.arms[i].joints])
         turns &= np.isinf(self.arms[i].lower) & np.isinf(self.arms[i].upper)
         return np.where(turns, np.pi - np.mod(np.pi - q, 2 * np.pi), q)
+
+
+def _torque_scales(problem: Problem, arms: Sequence[Arm]) -> tuple[Array, ...]:
+    """T by arm: ones, or the torque limits."""
+    if problem.ellipsoid.torque_scaling == "unit":
+        return tuple(np.ones(arm.n) for arm in arms)
+    for i, arm in enumerate(arms):
+        for joint in arm.joints:
+            if not 0 < joint.effort < np.inf:
+                has = "is 0" if joint.effort == 0 else "has none"
+                raise InputError(
+                    "torque_scaling = 'limits' needs a torque limit on every joint; "
+                    f"{joint.name!r} {has}",
+                    key=f"arms[{i}].torque_limits",
+                )
+    return tuple(np.array([joint.effort for joint in arm.joints]) for arm in arms)

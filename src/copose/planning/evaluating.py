@@ -11,7 +11,7 @@ from copose.errors import InputError, nearest
 from copose.planning.answering import answer
 from copose.planning.cell import Cell
 from copose.planning.measuring import Measurement, Meter
-from copose.planning.objectives import OBJECTIVES
+from copose.planning.objectives import objective_of
 from copose.poses import Array
 from copose.problem import Problem
 from copose.results import EllipsoidRecord, Posture, Solution, Timing
@@ -42,7 +42,7 @@ def evaluate(problem: Problem, joints: Mapping[str, Sequence[float]] | None = No
     fault = next(_faults(cell, q, measured), None)
     return answer(
         cell,
-        OBJECTIVES[problem.objective.kind],
+        objective_of(problem),
         status="solved" if fault is None else "infeasible",
         reason=fault,
         after=measured if fault is None else None,
@@ -104,7 +104,7 @@ def verify(problem: Problem, solution: Solution) -> tuple[str, ...]:
     """
     cell = Cell.of(problem)
     meter = Meter(cell)
-    objective = OBJECTIVES[problem.objective.kind]
+    objective = objective_of(problem)
     wrong = []
     for when in ("before", "after"):
         stated: Posture | None = getattr(solution, when)
@@ -115,8 +115,8 @@ def verify(problem: Problem, solution: Solution) -> tuple[str, ...]:
         wrong += [f"{when}: {fault}" for fault in _faults(cell, joints, measured)]
         wrong += [f"{when}: {key}" for key in _differences(stated, measured.posture)]
         value = getattr(solution.objective, when)
-        if measured.ellipsoid is not None and not _near(value, objective.value(measured.ellipsoid)):
-            wrong.append(f"{when}: the objective is {objective.value(measured.ellipsoid)!r}")
+        if measured.ellipsoid is not None and not _near(value, objective.of(measured.ellipsoid)):
+            wrong.append(f"{when}: the objective is {objective.of(measured.ellipsoid)!r}")
     return tuple(wrong)
 
 

@@ -7,38 +7,40 @@ import casadi as ca
 _STEP = 1e-7
 
 
-def differenced_hessian(nlp: dict[str, ca.SX]) -> ca.Function:
+def differenced_hessian(nlp: dict[str, ca.SX], differenced: int) -> ca.Function:
     """Upper triangle of ∇²ₓ(λ_f f + λ_gᵀ g), in the form that CasADi's nlpsol takes.
 
-    Column j is (∇L(x + h e_j) − ∇L(x)) / h. Written out as an expression the Hessian of two
-    seven-joint arms takes 300,000 instructions; without one, quasi-Newton steps run out of
-    iterations where light wrist joints leave the objective nearly flat. Its error, about 1e-7,
-    slows convergence a little and moves no solution.
+    Column j of the first ``differenced`` is (∇L(x + h e_j) − ∇L(x)) / h; the others, in which the
+    Lagrangian is simple, are exact. Written out as an expression the Hessian of two seven-joint
+    arms takes 300,000 instructions; without one, quasi-Newton steps run out of iterations where
+    light wrist joints leave the objective nearly flat. The error, about 1e-7, slows convergence a
+    little and moves no solution.
 
     Args:
         nlp: expressions ``x``, ``p``, ``f`` and ``g``.
+        differenced: how many of the variables, the first ones, are differenced.
     """
     x, p = nlp["x"], nlp["p"]
-    n, n_g, n_p = x.shape[0], nlp["g"].shape[0], p.shape[0]
-    lam_f, lam_g = ca.SX.sym("lam_f"), ca.SX.sym("lam_g", n_g)
+    lam_f, lam_g = ca.SX.sym("lam_f"), ca.SX.sym("lam_g", nlp["g"].shape[0])
     lagrangian = lam_f * nlp["f"] + ca.dot(lam_g, nlp["g"])
-    gradient = ca.Function("gradient", [x, p, lam_f, lam_g], [ca.gradient(lagrangian, x)])
+    symbols = [x, p, lam_f, lam_g]
+    slope = ca.gradient(lagrangian, x)
+    gradient = ca.Function("gradient", symbols, [slope[:differenced]])
+    exact = ca.Function("exact", symbols, [ca.jacobian(slope, x[differenced:])])
 
-    at, parameters = ca.MX.sym("x", n), ca.MX.sym("p", n_p)
-    weight, multipliers = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", n_g)
-    count = n + 1
-    points = ca.repmat(at, 1, count) + _STEP * ca.horzcat(ca.DM(n, 1), ca.DM.eye(n))
-    slopes = gradient.map(count)(
-        points,
-        ca.repmat(parameters, 1, count),
-        ca.repmat(weight, 1, count),
-        ca.repmat(multipliers, 1, count),
-    )
-    columns = (slopes[:, 1:] - ca.repmat(slopes[:, 0], 1, n)) / _STEP
+    names = ["x", "p", "lam_f", "lam_g"]
+    inputs = [ca.MX.sym(name, s.shape[0]) for name, s in zip(names, symbols, strict=True)]
+    count, rest = differenced + 1, x.shape[0] - differenced
+    steps = ca.diagcat(_STEP * ca.horzcat(ca.DM(differenced, 1), ca.DM.eye(differenced)),
+                       ca.DM(rest, 0))  # fmt: skip
+    points = ca.repmat(inputs[0], 1, count) + steps
+    slopes = gradient.map(count)(points, *(ca.repmat(value, 1, count) for value in inputs[1:]))
+    columns = (slopes[:, 1:] - ca.repmat(slopes[:, 0], 1, differenced)) / _STEP
+    columns = ca.vertcat((columns + columns.T) / 2, ca.MX(rest, differenced))
     return ca.Function(
         "nlp_hess_l",
-        [at, parameters, weight, multipliers],
-        [ca.triu((columns + columns.T) / 2)],
-        ["x", "p", "lam_f", "lam_g"],
+        inputs,
+        [ca.triu(ca.horzcat(columns, exact(*inputs)))],
+        names,
         ["triu_hess_gamma_x_x"],
     )

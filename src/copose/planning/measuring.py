@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from copose.capability import Ellipsoid, own_torque_map, torque_maps
+from copose.capability import RESOLUTIONS, Ellipsoid, zero_torque_acceleration
 from copose.planning.cell import Cell
 from copose.poses import Array
 from copose.results import ArmRecord, EllipsoidRecord, Posture, matrix, place, vector
@@ -45,10 +45,24 @@ class Meter:
             ca.Function(
                 "arm",
                 [arm.q, system.object.parameters],
-                [*system.pose_error(i), arm.J, own_torque_map(arm), block, arm.skeleton],
+                [
+                    *system.pose_error(i),
+                    arm.J,
+                    cell.resolution.own_factor(arm, scale),
+                    arm.skeleton,
+                ],
             )
-            for i, (arm, block) in enumerate(zip(system.arms, torque_maps(system), strict=True))
+            for i, (arm, scale) in enumerate(zip(system.arms, cell.scales, strict=True))
         ]
+        gravity, velocity = ca.SX.sym("gravity", 3), ca.SX.sym("velocity", system.space.m)
+        self._system = ca.Function(
+            "system",
+            [system.q, system.object.parameters, gravity, velocity],
+            [
+                zero_torque_acceleration(system, gravity, velocity),
+                *(kind.factor(system, cell.scales) for kind in RESOLUTIONS.values()),
+            ],
+        )
 
     def measure(self, joints: Sequence[Array]) -> Measurement:
         """The ellipsoids, the closure and the skeletons of a posture.
@@ -58,10 +72,10 @@ class Meter:
         """
         cell = self._cell
         m, rows = cell.system.space.m, list(cell.system.space.linear)
-        errors, records, blocks, notes = {}, {}, [], []
+        errors, records, notes = {}, {}, []
         for arm, function, q in zip(cell.arms, self._arms, joints, strict=True):
             numbers = [np.array(value) for value in function(q, cell.parameters)]
-            gap, turn, J, own, block, skeleton = numbers
+            gap, turn, J, own, skeleton = numbers
             errors[arm.name] = closure_error(gap[rows], turn, cell.system.space.rigid)
             rank = _rank(J)
             if rank < m:
@@ -72,17 +86,37 @@ class Meter:
             records[arm.name] = ArmRecord(
                 skeleton=matrix(skeleton.T), ellipsoid=EllipsoidRecord.of(single, m)
             )
-            blocks.append(block)
-        A_o = np.vstack(blocks)
-        ellipsoid = Ellipsoid.from_factor(A_o) if not notes and _finite(A_o) else None
+        ellipsoids = self._ellipsoids(joints) if not notes else dict.fromkeys(RESOLUTIONS)
+        ellipsoid = ellipsoids[cell.resolution.name]
         posture = Posture(
             joints={arm.name: vector(q) for arm, q in zip(cell.arms, joints, strict=True)},
             object=place(cell.problem.object.pose, cell.problem.space.planar),
             closure_error=errors,
-            ellipsoid=EllipsoidRecord.of(ellipsoid, m),
+            ellipsoid=EllipsoidRecord.of(ellipsoid, len(cell.problem.axes)),
+            log_volumes={
+                name: each.log_volume if each is not None else None
+                for name, each in ellipsoids.items()
+            },
             arms=records,
         )
         return Measurement(posture, ellipsoid, tuple(notes))
+
+    def _ellipsoids(self, joints: Sequence[Array]) -> dict[str, Ellipsoid | None]:
+        """The system's ellipsoid by each resolution, sliced by ``axes``."""
+        cell = self._cell
+        axes = list(cell.problem.axes)
+        center, *factors = (
+            np.array(value)
+            for value in self._system(
+                np.concatenate(joints), cell.parameters, cell.gravity, cell.velocity
+            )
+        )
+        return {
+            name: Ellipsoid.from_factor(factor[:, axes], center.ravel()[axes])
+            if _finite(factor) and _finite(center)
+            else None
+            for name, factor in zip(RESOLUTIONS, factors, strict=True)
+        }
 
 
 def closure_error(gap: Array, turn: Array, rigid: bool) -> float:

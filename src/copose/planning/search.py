@@ -14,7 +14,6 @@ from typing import TypeAlias
 import casadi as ca
 import numpy as np
 
-from copose.capability import gram, torque_maps
 from copose.planning.cell import Cell
 from copose.planning.closing import CLOSED, Projector
 from copose.planning.objectives import Objective
@@ -83,16 +82,20 @@ class Screen:
     """Evaluates the objective on combinations of the arms' closed postures."""
 
     def __init__(self, cell: Cell, objective: Objective) -> None:
-        """Build each arm's Gram matrix and the objective of their sum."""
-        system = cell.system
-        m = system.space.m
-        self._m = m
+        """Build each arm's terms and the Gram matrix of their sums."""
+        system, resolution = cell.system, cell.resolution
+        m, axes = system.space.m, list(cell.problem.axes)
+        parameters = system.object.parameters
+        terms = [resolution.arm_terms(system, i, scale) for i, scale in enumerate(cell.scales)]
         self._arms = [
-            ca.Function("gram", [arm.q, system.object.parameters], [ca.vec(gram(block))])
-            for arm, block in zip(system.arms, torque_maps(system), strict=True)
+            ca.Function("terms", [arm.q, parameters], [ca.vertcat(*map(ca.vec, mine))])
+            for arm, mine in zip(system.arms, terms, strict=True)
         ]
-        G = ca.SX.sym("G", m, m)
-        self._objective = ca.Function("objective", [ca.vec(G)], [objective.expression(G)])
+        sums = [ca.SX.sym("sum", m, m) for _ in terms[0]]
+        G = resolution.gram(sums, system.object.M_o)[axes, axes]
+        self._gram = ca.Function("gram", [ca.vertcat(*map(ca.vec, sums)), parameters], [ca.vec(G)])
+        self._a = len(axes)
+        self._objective = objective
 
     def best_first(
         self, samples: Sequence[Array], parameters: Array, rng: np.random.Generator
@@ -107,10 +110,13 @@ class Screen:
             chosen = np.column_stack([grid.ravel() for grid in grids])
         else:
             chosen = rng.integers(0, counts, (_COMBINATIONS, len(counts)))
-        total = np.zeros((self._m * self._m, len(chosen)))
+        total = np.zeros(())
         for k, (function, sample) in enumerate(zip(self._arms, samples, strict=True)):
-            total += np.array(function(sample.T, parameters))[:, chosen[:, k]]
-        values = np.array(self._objective(total)).ravel()
+            total = total + np.array(function(sample.T, parameters))[:, chosen[:, k]]
+        grams = np.array(self._gram(total, parameters)).T.reshape(-1, self._a, self._a)
+        sound = np.all(np.isfinite(grams), axis=(1, 2))
+        chosen, grams = chosen[sound], grams[sound]
+        values = self._objective.of_grams((grams + grams.transpose(0, 2, 1)) / 2)
         usable = np.isfinite(values)
         order = np.argsort(-values[usable], kind="stable")
         return np.asarray(chosen[usable][order])
@@ -156,15 +162,15 @@ def polish(
     """Run the posture program from every start and gather where they end."""
     lower, upper = np.concatenate(cell.lower), np.concatenate(cell.upper)
     system = cell.system
-    value_at = ca.Function(
-        "value", [system.q, system.object.parameters], [-program.expressions["f"]]
-    )
     optima: list[LocalOptimum] = []
     failures = []
     for k, start in enumerate(starts):
         progress("polishing", k / len(starts))
         end = program.solve(start, cell.parameters, lower, upper)
-        value = float(value_at(end.q, cell.parameters))
+        gram = program.gram_at(end.q, cell.parameters)
+        value = (
+            float(program.objective.of_grams(gram[None])[0]) if np.isfinite(gram).all() else np.nan
+        )
         if not (end.converged and np.isfinite(value)):
             failures.append(end)
             continue

@@ -13,7 +13,7 @@ from copose.planning.cell import Cell
 from copose.planning.closing import CLOSED, Projector
 from copose.planning.measuring import Measurement, Meter
 from copose.planning.missing import nearest_miss
-from copose.planning.objectives import OBJECTIVES, Objective
+from copose.planning.objectives import Objective, objective_of
 from copose.planning.program import PostureProgram
 from copose.planning.search import (
     ArmSample,
@@ -53,14 +53,14 @@ class Planner:
         """
         began = time.perf_counter()
         cell = Cell.of(problem)
-        objective = OBJECTIVES[problem.objective.kind]
+        objective = objective_of(problem)
         return cls(
             cell=cell,
             objective=objective,
             meter=Meter(cell),
             projectors=tuple(Projector(cell.system, i) for i in range(len(cell.arms))),
             screen=Screen(cell, objective),
-            program=PostureProgram(cell.system, objective),
+            program=PostureProgram(cell.system, cell.gram, objective),
             build_s=time.perf_counter() - began,
         )
 
@@ -181,7 +181,7 @@ def _before(planner: Planner, samples: Sequence[ArmSample]) -> tuple[Measurement
 
 def _best(planner: Planner, polished: Polished, before: Measurement) -> Measurement | None:
     """The best optimum that passes its own check, or the start where none is better."""
-    cell, value = planner.cell, planner.objective.value
+    cell, value = planner.cell, planner.objective.of
     best = None
     for optimum in polished.optima:
         joints = [planner.closed(i, q) for i, q in enumerate(cell.system.split(optimum.q))]

@@ -11,6 +11,7 @@ from copose.problem.spec import (
     Shape,
     SpatialObject,
     SpatialProblem,
+    TaskCompatibilityObjective,
     UrdfArm,
 )
 
@@ -26,6 +27,7 @@ __all__ = [
     "SpaceName",
     "SpatialObject",
     "SpatialProblem",
+    "TaskCompatibilityObjective",
     "UrdfArm",
     "load",
     "parse",

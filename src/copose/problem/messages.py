@@ -36,6 +36,8 @@ def explain(error: ValidationError, model: type[BaseModel], source: Path | None)
     context = faults[0].get("ctx", {})
     if faults[0]["type"] == "missing" and isinstance(location[-1], int):
         location = location[:-1]
+    if faults[0]["type"] == "union_tag_invalid":
+        location = (*location, "kind")
     text = _text(faults[0], owner, faults)
     if len(faults) > 1:
         text += f" (and {len(faults) - 1} more)"
@@ -62,9 +64,10 @@ def _text(fault: ErrorDetails, owner: type[BaseModel] | None, faults: list[Error
             hint = nearest(value, words) if isinstance(value, str) and len(words) > 1 else ""
             return text + (hint if "did you mean" in hint else "")
         case "union_tag_invalid":
-            return f"kind {shown(context['tag'])} is not allowed here; allowed: " + str(
-                context["expected_tags"]
-            )
+            tags = str(context["expected_tags"])
+            hint = nearest(str(context["tag"]), tags.replace("'", "").split(", "))
+            text = f"{shown(context['tag'])} is not allowed here; allowed: {tags}"
+            return text + (hint if "did you mean" in hint else "")
         case "union_tag_not_found":
             return "missing kind"
         case "copose_key":

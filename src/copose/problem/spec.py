@@ -12,13 +12,16 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
+    Discriminator,
     Field,
     PrivateAttr,
+    Tag,
     field_validator,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
 
+from copose.errors import shown
 from copose.poses import Pose
 from copose.problem.spaces import SPACES, Space, SpaceName
 
@@ -62,6 +65,23 @@ def _range(pair: tuple[float, float]) -> tuple[float, float]:
     return pair
 
 
+def _fault(key: str, text: str) -> PydanticCustomError:
+    """What is wrong with a key that only the whole problem can judge."""
+    return PydanticCustomError("copose_key", "{text}", {"key": key, "text": text})
+
+
+def _not_zero(value: float) -> float:
+    if value == 0:
+        raise PydanticCustomError("copose", "must not be zero")
+    return value
+
+
+def _direction(value: tuple[float, ...]) -> tuple[float, ...]:
+    if not math.hypot(*value) > 1e-9:
+        raise PydanticCustomError("copose", "must not be zero")
+    return value
+
+
 def _inertia_matrix(value: object) -> object:
     """Three principal moments become the diagonal matrix they stand for."""
     if not isinstance(value, tuple) or len(value) != 3:
@@ -92,6 +112,7 @@ Name: TypeAlias = Annotated[str, AfterValidator(_name)]
 FolderName: TypeAlias = Annotated[str, AfterValidator(_folder_name)]
 Limit: TypeAlias = Annotated[float, AfterValidator(_no_nan)]
 Range: TypeAlias = Annotated[tuple[Limit, Limit], AfterValidator(_range)]
+Direction: TypeAlias = Annotated[tuple[Number, ...], AfterValidator(_direction)]
 Inertia: TypeAlias = Annotated[
     Matrix3, BeforeValidator(_inertia_matrix), AfterValidator(_physical_inertia)
 ]
@@ -158,6 +179,7 @@ class SpatialObject(Spec):
     position: Triple
     rpy: Triple = (0.0, 0.0, 0.0)
     shape: SpatialShape | None = None
+    velocity: tuple[Number, ...] | None = None
 
     @property
     def pose(self) -> Pose:
@@ -173,6 +195,7 @@ class PlanarObject(Spec):
     position: Pair
     angle: Number = 0.0
     shape: PlanarShape | None = None
+    velocity: tuple[Number, ...] | None = None
 
     @property
     def pose(self) -> Pose:
@@ -298,16 +321,75 @@ class PlanarArm(ArmSpec):
 class EllipsoidSpec(Spec):
     """``[ellipsoid]``: which of the dynamic manipulability ellipsoids is meant."""
 
-    resolution: Literal["pseudoinverse"] = "pseudoinverse"
-    torque_scaling: Literal["unit"] = "unit"
-    load_distribution: Literal["moore-penrose"] = "moore-penrose"
-    gravity: Literal[False] = False
+    resolution: Literal["pseudoinverse", "torque-optimal"] = "pseudoinverse"
+    torque_scaling: Literal["unit", "limits"] = "unit"
+    load_distribution: Literal["moore-penrose", "nonsqueezing"] = "moore-penrose"
+    gravity: bool = False
 
 
-class ObjectiveSpec(Spec):
-    """``[objective]``: what is maximised."""
+class WorldSpec(Spec):
+    """``[world]`` in space."""
+
+    gravity: Triple = (0.0, 0.0, -9.81)
+
+
+class PlanarWorldSpec(Spec):
+    """``[world]`` in the plane."""
+
+    gravity: Pair = (0.0, 0.0)
+
+
+class EllipsoidObjective(Spec):
+    """What objectives on the ellipsoid have in common: a coordinate slice of the task space."""
+
+    axes: tuple[str, ...] | None = None
+
+
+class VolumeObjective(EllipsoidObjective):
+    """The log-volume."""
 
     kind: Literal["volume"] = "volume"
+
+
+class WorstDirectionObjective(EllipsoidObjective):
+    """The shortest semi-axis."""
+
+    kind: Literal["worst-direction"]
+
+
+class IsotropyObjective(EllipsoidObjective):
+    """Shortest over longest semi-axis."""
+
+    kind: Literal["isotropy"]
+
+
+class WeightedDirection(Spec):
+    """A task direction, and how much being fast (> 0) or fine (< 0) along it counts."""
+
+    direction: Direction
+    weight: Annotated[Number, AfterValidator(_not_zero)] = 1.0
+
+
+class TaskCompatibilityObjective(EllipsoidObjective):
+    """Σ w log d(u) over directions u."""
+
+    kind: Literal["task-compatibility"]
+    directions: Annotated[tuple[WeightedDirection, ...], Field(min_length=1, max_length=64)]
+
+
+def _objective_kind(value: Any) -> str:
+    if isinstance(value, dict):
+        return str(value.get("kind", "volume"))
+    return str(getattr(value, "kind", ""))
+
+
+ObjectiveSpec: TypeAlias = Annotated[
+    Annotated[VolumeObjective, Tag("volume")]
+    | Annotated[WorstDirectionObjective, Tag("worst-direction")]
+    | Annotated[IsotropyObjective, Tag("isotropy")]
+    | Annotated[TaskCompatibilityObjective, Tag("task-compatibility")],
+    Discriminator(_objective_kind),
+]
 
 
 class ConstraintsSpec(Spec):
@@ -332,7 +414,8 @@ class Problem(Spec):
     object: SpatialObject | PlanarObject
     arms: tuple[UrdfArm, ...] | tuple[PlanarArm, ...]
     ellipsoid: EllipsoidSpec = EllipsoidSpec()
-    objective: ObjectiveSpec = ObjectiveSpec()
+    objective: ObjectiveSpec = VolumeObjective()
+    world: WorldSpec | PlanarWorldSpec = WorldSpec()
     constraints: ConstraintsSpec = ConstraintsSpec()
     search: SearchSpec = SearchSpec()
 
@@ -359,13 +442,64 @@ class Problem(Spec):
                 )
         return arms
 
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """Indices, within the task vector, of the coordinates that the ellipsoid keeps."""
+        names = self.objective.axes
+        coordinates = self.space.coordinates
+        if names is None:
+            return tuple(range(self.space.m))
+        return tuple(coordinates.index(name) for name in names)
+
+    @model_validator(mode="after")
+    def _tasks_fit(self) -> Problem:
+        m, velocity = self.space.m, self.object.velocity
+        if velocity is not None and len(velocity) != m:
+            raise _fault("object.velocity", f"has {len(velocity)} entries; {m} are needed")
+        names = self.objective.axes
+        if names is not None:
+            self._check_axes(names)
+        if isinstance(self.objective, TaskCompatibilityObjective):
+            for i, weighted in enumerate(self.objective.directions):
+                self._check_direction(weighted.direction, f"objective.directions[{i}].direction")
+        return self
+
+    def _check_axes(self, names: tuple[str, ...]) -> None:
+        legal = self.space.coordinates
+        if not names:
+            raise _fault("objective.axes", f"is empty; allowed: {', '.join(legal)}")
+        for i, name in enumerate(names):
+            if name not in legal:
+                raise _fault(
+                    f"objective.axes[{i}]",
+                    f"{shown(name)} is no coordinate of space {self.task.space!r}; allowed: "
+                    + ", ".join(legal),
+                )
+            if name in names[:i]:
+                raise _fault(f"objective.axes[{i}]", f"{shown(name)} is named twice")
+
+    def _check_direction(self, direction: tuple[float, ...], key: str) -> None:
+        m, a = self.space.m, len(self.axes)
+        if len(direction) not in (m, a):
+            wanted = f"{m}" if a == m else f"{m} or {a}"
+            raise _fault(key, f"has {len(direction)} entries; {wanted} are needed")
+        if len(direction) == m and a < m:
+            outside = [c for i, c in enumerate(self.space.coordinates) if i not in self.axes]
+            if any(direction[self.space.coordinates.index(c)] != 0 for c in outside):
+                raise _fault(key, f"points outside axes: {', '.join(outside)} must be 0")
+
+    def along(self, direction: tuple[float, ...]) -> tuple[float, ...]:
+        """A direction of the file as a unit vector over ``axes``."""
+        if len(direction) == self.space.m:
+            direction = tuple(direction[i] for i in self.axes)
+        norm = math.hypot(*direction)
+        return tuple(x / norm for x in direction)
+
     @model_validator(mode="after")
     def _inertia_where_it_counts(self) -> Problem:
         if self.space.rigid and self.object.inertia is None:
-            raise PydanticCustomError(
-                "copose_key",
-                "missing; space {space} needs the object's inertia",
-                {"key": "object.inertia", "space": repr(self.task.space)},
+            raise _fault(
+                "object.inertia", f"missing; space {self.task.space!r} needs the object's inertia"
             )
         return self
 
@@ -374,6 +508,7 @@ class SpatialProblem(Problem):
     """A problem in one of the spatial spaces."""
 
     object: SpatialObject
+    world: WorldSpec = WorldSpec()
     arms: Annotated[tuple[UrdfArm, ...], Field(min_length=1, max_length=_MOST_ARMS)]
 
 
@@ -381,4 +516,5 @@ class PlanarProblem(Problem):
     """A problem in one of the planar spaces."""
 
     object: PlanarObject
+    world: PlanarWorldSpec = PlanarWorldSpec()
     arms: Annotated[tuple[PlanarArm, ...], Field(min_length=1, max_length=_MOST_ARMS)]

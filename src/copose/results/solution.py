@@ -110,6 +110,7 @@ class Posture(Record):
         closure_error: the larger of a tip's position error, m, and angle error, rad, by arm; in the
             linear spaces the position error.
         ellipsoid: of the system, at the object's centre of mass.
+        log_volumes: by resolution, whichever is optimised.
         arms: each arm's own.
     """
 
@@ -117,6 +118,7 @@ class Posture(Record):
     object: SpatialPlace | PlanarPlace
     closure_error: dict[str, Finite]
     ellipsoid: EllipsoidRecord
+    log_volumes: dict[str, Finite | None]
     arms: dict[str, ArmRecord]
 
 
@@ -152,11 +154,23 @@ class Timing(Record):
 
 
 class ProblemRecord(Record):
-    """Which problem was solved, and what a picture of it needs."""
+    """Which problem was solved, and what a picture of it needs.
+
+    Attributes:
+        name: as in the file.
+        space: the task space.
+        shape: the object's.
+        axes: coordinates that the ellipsoids keep, in the order of their entries.
+        resolution: whose ellipsoid is reported as ``ellipsoid``.
+        torque_scaling: what the torques are measured in.
+    """
 
     name: str
     space: SpaceName
     shape: Shape | None = None
+    axes: tuple[str, ...]
+    resolution: str
+    torque_scaling: str
 
 
 class Solution(Record):
