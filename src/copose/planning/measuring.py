@@ -68,13 +68,19 @@ class Meter:
                 notes.append(
                     f"volume 0: the Jacobian of arm {arm.name!r} has rank {rank} of {m} here"
                 )
-            single = Ellipsoid.from_factor(own) if rank == m and _finite(own) else None
+            single = _ellipsoid(own) if rank == m else None
             records[arm.name] = ArmRecord(
-                skeleton=matrix(skeleton.T), ellipsoid=EllipsoidRecord.of(single, m)
+                skeleton=matrix(skeleton.T),
+                grasp=vector((cell.problem.object.pose @ arm.grasp).position),
+                ellipsoid=EllipsoidRecord.of(single, m),
             )
             blocks.append(block)
         A_o = np.vstack(blocks)
-        ellipsoid = Ellipsoid.from_factor(A_o) if not notes and _finite(A_o) else None
+        ellipsoid = _ellipsoid(A_o) if not notes else None
+        if ellipsoid is None and not notes:
+            notes.append(
+                "volume unknown: the equations of motion are singular to working precision"
+            )
         posture = Posture(
             joints={arm.name: vector(q) for arm, q in zip(cell.arms, joints, strict=True)},
             object=place(cell.problem.object.pose, cell.problem.space.planar),
@@ -98,5 +104,9 @@ def _rank(J: Array) -> int:
     return int(np.sum(values > RANK_TOLERANCE * max(values[0], 1e-300)))
 
 
-def _finite(values: Array) -> bool:
-    return bool(np.all(np.isfinite(values)))
+def _ellipsoid(factor: Array) -> Ellipsoid | None:
+    """The ellipsoid of a factor, or None where it is singular to working precision."""
+    try:
+        return Ellipsoid.from_factor(factor)
+    except ValueError:
+        return None

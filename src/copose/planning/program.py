@@ -25,6 +25,7 @@ _IPOPT: dict[str, Any] = {
     "ipopt.acceptable_iter": 0,
     "ipopt.max_iter": 300,
     "print_time": False,
+    "calc_lam_p": False,
     "show_eval_warnings": False,
     "error_on_fail": False,
 }
