@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import tomllib
+from pathlib import Path
 
 from reference import PROBLEMS
 
@@ -148,3 +149,25 @@ def random_cell(names: tuple[str, ...], space: str, seed: int) -> dict:
             "rpy": pin.rpy.matrixToRpy(grasp.rotation).tolist(),
         }
     return cell
+
+
+def flat_arm(folder: Path) -> dict:
+    """A spatial cell with an arm that has rank 2 of 3 in every posture; writes its URDF."""
+    inertial = (
+        '<inertial><mass value="1"/>'
+        '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>'
+    )
+    parts = ['<link name="l0"/>']
+    for i in range(4):
+        parts.append(
+            f'<joint name="j{i}" type="continuous"><parent link="l{i}"/><child link="l{i + 1}"/>'
+            '<origin xyz="0.3 0 0"/><axis xyz="0 0 1"/></joint>'
+            f'<link name="l{i + 1}">{inertial}</link>'
+        )
+    (folder / "flat.urdf").write_text(f'<robot name="flat">{"".join(parts)}</robot>')
+    arm = {"name": "arm", "urdf": "flat.urdf", "tip": "l4", "grasp": {"position": [0, 0, 0]}}
+    thing = {"mass": 1.0, "position": [0.5, 0.4, 0.0]}
+    return {
+        "format": 1, "name": "flat", "task": {"space": "spatial-linear"}, "object": thing,
+        "arms": [arm],
+    }  # fmt: skip

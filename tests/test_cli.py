@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import copose
-from cells import FILES, planar, tables, toml
+from cells import FILES, flat_arm, planar, tables, toml
 from copose.cli import main
 
 
@@ -100,15 +100,9 @@ def test_infeasible_draws_the_nearest_miss_where_asked(here: Path, capsys) -> No
 
 
 def test_failed_is_four(here: Path) -> None:
-    cell = planar(1, 3)
-    cell["arms"][0].update(
-        base={"position": [0, 0]}, grasp={"position": [0.0, 0.0]}, start=[0.0, 0.0, 0.0],
-        position_limits=[[-1e-3, 1e-3]] * 3,
-    )  # fmt: skip
-    cell["object"]["position"] = [1.2, 0.0]
-    assert main(["solve", write(here, cell), "--quiet"]) == 4
-    assert json.loads((here / "cell/result.json").read_text())["status"] == "failed"
-    assert not (here / "cell/before_after.png").exists()
+    assert main(["solve", write(here, flat_arm(here)), "--quiet"]) == 4
+    assert json.loads((here / "flat/result.json").read_text())["status"] == "failed"
+    assert not (here / "flat/before_after.png").exists()
 
 
 def test_evaluate_the_start_and_a_result(here: Path, capsys) -> None:
@@ -157,6 +151,8 @@ WRONG = [
     (["solve", "p.toml", "-o", "p.toml/x"], "is a file; a folder was expected"),
     (["solve", "p.toml", "--figure", "x.jpg"], "x.jpg: .jpg: a picture ends in .png, .pdf, .svg"),
     (["solve", "p.toml", "--figure", "d.png"], "d.png: is a folder"),
+    (["solve", "p.toml", "--figure", "f" * 300 + ".png"], "cannot be written: File name too long"),
+    (["solve", "p.toml", "-o", "full"], "result.json: is a folder"),
     (["evaluate", "p.toml"], "arms[0].start: missing"),
     (["evaluate", "p.toml", "--joints", "nope.json"], "nope.json: no such file"),
     (["evaluate", "p.toml", "--joints", "p.toml"], "is no copose result"),
@@ -175,6 +171,7 @@ def test_wrong_input_is_two_in_one_line_and_leaves_nothing(
     bad["object"]["mass"] = -1
     write(here, bad, "q.toml")
     (here / "d.png").mkdir()
+    (here / "full/result.json").mkdir(parents=True)
     from copose.results import to_json
 
     (here / "miss.json").write_text(to_json(copose.solve(copose.parse(out_of_reach()))))
@@ -187,12 +184,36 @@ def test_wrong_input_is_two_in_one_line_and_leaves_nothing(
     assert sorted(here.rglob("*")) == before
 
 
-def test_a_result_that_cannot_be_written(here: Path, capsys) -> None:
-    """A folder in the place of the file: nothing half-written is left beside it."""
+def test_a_file_that_cannot_be_written_leaves_nothing_beside_it(here: Path) -> None:
+    from copose.results import write_file
+
     (here / "out/result.json/x").mkdir(parents=True)
-    assert main(["solve", write(here, planar()), "-o", "out", "--quiet"]) == 2
-    assert "result.json: cannot be written" in capsys.readouterr().err
-    assert not [path for path in (here / "out").iterdir() if path.name.startswith(".")]
+    with pytest.raises(copose.InputError, match=r"result\.json: cannot be written"):
+        write_file(here / "out/result.json", b"{}")
+    assert [path.name for path in (here / "out").iterdir()] == ["result.json"]
+
+
+def test_a_full_disk_is_told(here: Path) -> None:
+    write(here, planar())
+    answer = subprocess.run(
+        f"{sys.executable} -m copose solve p.toml > /dev/full",
+        shell=True, cwd=here, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert answer.returncode == 2
+    assert answer.stderr == "copose: cannot print: No space left on device\n"
+
+
+def test_nothing_leaks_to_stderr(here: Path) -> None:
+    """CasADi's warnings on a singular start, Matplotlib's on a cache it cannot write."""
+    cell = planar(1, 3)
+    cell["object"]["position"] = [1.2, 0.0]
+    cell["arms"][0].update(
+        base={"position": [0, 0]}, grasp={"position": [0, 0]}, start=[0.0, 0.0, 0.0],
+        position_limits=[[-0.5, 0.5]] * 3,
+    )  # fmt: skip
+    write(here, cell)
+    answer = run("solve", "p.toml", cwd=here, env=os.environ | {"MPLCONFIGDIR": "/proc/none"})
+    assert answer.stderr == ""
 
 
 @pytest.mark.parametrize("kind", ["png", "pdf", "svg"])

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import copose
-from cells import FILES, planar, random_cell, tables, two_pandas
+from cells import FILES, flat_arm, planar, random_cell, tables, two_pandas
 from copose.mechanics import object_parameters
 from copose.planning.cell import Cell
 from copose.planning.closing import CLOSED, Projector
@@ -296,16 +297,68 @@ def test_an_orientation_out_of_reach_says_so() -> None:
     assert "orientation" in solution.reason and "°" in solution.reason
 
 
-def test_volume_zero_everywhere_is_a_failure_with_its_reason() -> None:
-    """A grasp at full reach leaves one posture, in which the arm is stretched."""
-    cell = planar(1, 3)
-    cell["arms"][0].update(base={"position": [0, 0]}, grasp={"position": [0.0, 0.0]})
-    cell["arms"][0]["start"] = [0.0, 0.0, 0.0]
-    cell["arms"][0]["position_limits"] = [[-1e-3, 1e-3]] * 3
+def test_big_arms_at_the_edge_of_their_reach() -> None:
+    """What closes must not depend on the unit of length: arms of 200 m, grasped at full reach."""
+    link = {"length": 100.0, "mass": 1.0, "inertia": 900.0, "com": 50.0}
+    cell = planar(1, 2)
+    cell["arms"][0].update(links=[link, link], base={"position": [0, 0]})
+    cell["arms"][0]["grasp"] = {"position": [0.0, 0.0]}
+    cell["object"]["position"] = [108.06046117362795, 168.29419696157930]
+    assert copose.solve(parse(cell)).status in ("solved", "failed", "infeasible")
+
+
+def test_a_posture_singular_to_working_precision_has_no_numbers() -> None:
+    links = [
+        {"length": 1.0, "mass": 1e5, "inertia": 1e4, "com": 0.5},
+        {"length": 1.0, "mass": 1e-5, "inertia": 1e-6, "com": 0.5},
+    ]
+    cell = planar(1, 2)
+    cell["object"] = {"mass": 1e-6, "position": [2.0, 0.0]}
+    cell["arms"][0].update(links=links, base={"position": [0, 0]}, start=[0.0, 1e-7])
+    cell["arms"][0]["grasp"] = {"position": [0.0, 0.0]}
+    solution = copose.evaluate(parse(cell))
+    assert solution.after.ellipsoid.gram is None
+    assert any("volume" in note for note in solution.notes)
+
+
+def test_a_stretched_start_is_projected_too() -> None:
+    """Where the residual has no slope to follow, from a little beside it."""
+    link = {"length": 1.0, "mass": 1.0, "inertia": 0.03, "com": 0.5}
+    cell = planar(1, 2)
+    cell["arms"][0].update(links=[link, link], base={"position": [0, 0]}, start=[0.0, 0.0])
+    cell["arms"][0]["grasp"] = {"position": [0.0, 0.0]}
     cell["object"]["position"] = [1.2, 0.0]
+    solution = solved(cell)
+    assert not any("stands in" in note for note in solution.notes)
+
+
+def test_many_arms_that_miss_are_summed_up() -> None:
+    cell = planar(6, 3)
+    for arm in cell["arms"]:
+        arm["base"]["position"] = [5.0, 5.0]
     solution = copose.solve(parse(cell))
-    assert solution.status == "failed" and "volume 0" in solution.reason
+    assert "3 more arms miss theirs" in solution.reason
+
+
+def test_linear_spaces_say_that_moments_are_ignored() -> None:
+    assert any("moments" in note for note in solved(planar()).notes)
+
+
+def test_a_start_within_the_margin_is_told_everywhere() -> None:
+    cell = tables("paper-fig2")
+    start = cell["arms"][0]["start"]
+    cell["arms"][0]["position_limits"] = [[q - 0.01, q + 1] for q in start]
+    cell["constraints"] = {"joint_margin": 0.05}
+    assert any("'a1'" in n and "joint_margin" in n for n in copose.evaluate(parse(cell)).notes)
+
+
+def test_volume_zero_everywhere_is_a_failure_with_its_reason(tmp_path: Path) -> None:
+    """Joints whose axes are all parallel move no tip along them, in any posture."""
+    solution = copose.solve(parse(flat_arm(tmp_path), source=tmp_path / "p.toml"))
+    assert solution.status == "failed"
+    assert solution.reason == "volume 0: the Jacobian of arm 'arm' has rank 2 of 3 here"
     assert solution.before is not None and solution.before.ellipsoid.gram is None
+    assert solution.objective.before is None and solution.after is None
     json.loads(to_json(solution))
 
 

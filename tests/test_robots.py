@@ -125,7 +125,7 @@ def test_doubtful_locks_are_told(tmp_path: Path) -> None:
         ({"kinds": {3: "planar"}}, "joint 'j3' on the chain is planar"),
         ({"extra": {4: '<mimic joint="j1"/>'}}, "joint 'j4' on the chain mimics 'j1'"),
         ({"inertial": dict.fromkeys(range(7), "")}, "has no inertials: none of l0, l1"),
-        ({"inertial": {6: ""}}, "joint 'j6' moves no inertia"),
+        ({"inertial": {6: ""}}, "joint 'j6' moves next to no inertia"),
         ({"inertial": {6: INERTIAL.replace("0.01", "-9")}}, "not positive definite"),
         ({"limits": {2: '<limit effort="1" velocity="1"/>'}}, "'j2' has no range in the URDF"),
     ],
@@ -133,6 +133,39 @@ def test_doubtful_locks_are_told(tmp_path: Path) -> None:
 )
 def test_what_cannot_be_used_is_named(change: dict, expected: str, tmp_path: Path) -> None:
     assert expected in refused(robot(**change), tmp_path)
+
+
+def test_a_joint_without_an_axis_is_named(tmp_path: Path) -> None:
+    text = robot().replace('xyz="0 1 0"', 'xyz="0 0 0.0"')
+    assert "joint 'j1' has the axis '0 0 0.0'" in refused(text, tmp_path)
+
+
+def test_ranges_beyond_a_turn_from_zero(tmp_path: Path) -> None:
+    limits = {0: '<limit lower="3.5" upper="6" effort="1" velocity="1"/>'}
+    (arm,) = arms_of(robot(limits=limits), tmp_path)
+    assert (arm.lower[0], arm.upper[0]) == (3.5, 6)
+
+
+@pytest.mark.parametrize("name", ["finger", "universe", "root_joint"])
+def test_links_and_joints_may_share_a_name(name: str, tmp_path: Path) -> None:
+    """Pinocchio's frames may not; two of the example robots are built so."""
+    more = (
+        f'<link name="{name}">{INERTIAL}</link><joint name="{name}" type="prismatic">'
+        f'<parent link="l6"/><child link="{name}"/><axis xyz="1 0 0"/>{LIMIT}</joint>'
+    )
+    (arm,) = arms_of(robot(more=more), tmp_path)
+    assert [joint.name for joint in arm.locked] == [name]
+    (arm,) = arms_of(robot(more=more), tmp_path, tip=name)
+    assert arm.joint_names[-1] == name
+
+
+def test_an_example_robot_whose_link_and_joint_share_a_name() -> None:
+    cell = problem_of(
+        "example-robot-data://so_arm_description/urdf/so100.urdf", tip="gripper",
+        grasp={"position": [0, 0, 0]},
+    )  # fmt: skip
+    cell["task"]["space"] = "spatial-linear"
+    assert load_arms(parse(cell))[0].n == 5
 
 
 def test_armature_makes_up_for_a_massless_last_link(tmp_path: Path) -> None:
@@ -266,6 +299,12 @@ def test_one_robot_twice() -> None:
     assert [arm.n for arm in load_arms(parse(tiago(torso, torso)))] == [7, 7]
     other_base = {"base": {"position": [2.0, 0, 0]}}
     assert [arm.n for arm in load_arms(parse(tiago({}, other_base)))] == [8, 8]
+
+
+def test_one_robot_holds_a_joint_at_one_place() -> None:
+    left, right = ({"locked": {"torso_lift_joint": height}} for height in (0.0, 0.3))
+    with pytest.raises(InputError, match="hold joint 'torso_lift_joint' at different positions"):
+        load_arms(parse(tiago(left, right)))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from copose.errors import InputError, one_line
+from copose.errors import InputError, one_line, shown
 from copose.version import __version__
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 SOLVED, WRONG_INPUT, INFEASIBLE, FAILED = 0, 2, 3, 4
 _STATUS = {"solved": SOLVED, "infeasible": INFEASIBLE, "failed": FAILED}
-_PICTURE = "before_after.png"
+_RESULT, _PICTURE = "result.json", "before_after.png"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -42,6 +42,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader has gone; what is left to print goes nowhere, without a complaint at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + 13
+    except OSError as error:
+        print(f"copose: cannot print: {error.strerror}", file=sys.stderr)  # noqa: T201
+        return WRONG_INPUT
     except KeyboardInterrupt:
         print("copose: interrupted", file=sys.stderr)  # noqa: T201
         return 128 + 2
@@ -98,10 +101,9 @@ def _add_outputs(command: argparse.ArgumentParser) -> None:
 
 
 def _seed(text: str) -> int:
-    value = int(text)
-    if not 0 <= value < 2**63:
-        raise ValueError
-    return value
+    if not text.isascii() or not text.isdigit() or int(text[:20]) >= 2**63:
+        raise argparse.ArgumentTypeError(f"{shown(text)} is no whole number from 0 to 2⁶³ − 1")
+    return int(text)
 
 
 def _solve(arguments: argparse.Namespace) -> int:
@@ -153,20 +155,23 @@ def _prepare(arguments: argparse.Namespace) -> tuple[Path, Problem]:
 
     if arguments.figure is not None:
         check_format(arguments.figure)
-        _check_folder(arguments.figure.parent)
-        if arguments.figure.is_dir():
-            raise InputError("is a folder; a file was expected", file=arguments.figure)
+        _check_place(arguments.figure)
     problem = load(arguments.problem)
     folder = arguments.output if arguments.output is not None else Path(problem.name)
-    _check_folder(folder)
+    for file in (folder / _RESULT, folder / _PICTURE):
+        _check_place(file)
     return folder, problem
 
 
-def _check_folder(folder: Path) -> None:
+def _check_place(file: Path) -> None:
+    """Refuse a place that no file can be written to, before anything is."""
+    folder = file.parent
     try:
+        if file.is_dir():
+            raise InputError("is a folder; a file was expected", file=file)
         existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     except OSError as error:
-        raise InputError(f"cannot be an output folder: {error.strerror}", file=folder) from None
+        raise InputError(f"cannot be written: {error.strerror}", file=file) from None
     if not existing.is_dir():
         raise InputError("is a file; a folder was expected", file=existing)
     if not os.access(existing, os.W_OK | os.X_OK):
@@ -187,7 +192,7 @@ def _finish(solution: Solution, folder: Path, arguments: argparse.Namespace) -> 
         # A picture of an earlier answer would lie beside a result that has none.
         with contextlib.suppress(OSError):
             (folder / _PICTURE).unlink(missing_ok=True)
-    write_file(folder / "result.json", text.encode())
+    write_file(folder / _RESULT, text.encode())
     if arguments.figure is not None:
         draw(solution, arguments.figure)
     if arguments.json:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import datetime
 import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
-_LONGEST = 580
+_LONGEST = 500
 
 
 class CoposeError(Exception):
@@ -46,13 +47,15 @@ def shown(value: object) -> str:
     if isinstance(value, (dict, list, tuple)) and len(value) > 12:
         kind = "a table" if isinstance(value, dict) else "an array"
         return f"{kind} of {len(value)} entries"
-    text = one_line(repr(_as_lists(value)))
+    text = str(value).lower() if isinstance(value, bool) else one_line(repr(_as_lists(value)))
     return text if len(text) <= 60 else text[:57] + "…"
 
 
 def _as_lists(value: object) -> object:
     if isinstance(value, tuple):
         return [_as_lists(entry) for entry in value]
+    if isinstance(value, (datetime.date, datetime.time)):
+        return value.isoformat()
     return value
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,18 +18,24 @@ def frozen_array(values: ArrayLike) -> Array:
     return array
 
 
-def multiply_quaternions(a: ArrayLike, b: ArrayLike) -> Array:
-    """Hamilton product a ⊗ b of quaternions [w, x, y, z]."""
-    aw, ax, ay, az = np.asarray(a, dtype=float)
-    bw, bx, by, bz = np.asarray(b, dtype=float)
-    return np.array(
-        [
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ]
-    )
+def quaternion_product(a: Any, b: Any) -> list[Any]:
+    """Hamilton product a ⊗ b of quaternions [w, x, y, z], of numbers or of expressions."""
+    return [
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    ]
+
+
+def rotation_rows(quaternion: Any) -> list[list[Any]]:
+    """Rotation matrix of a unit quaternion [w, x, y, z], of numbers or of expressions."""
+    w, x, y, z = (quaternion[i] for i in range(4))
+    return [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +71,7 @@ class Pose:
         for axis, angle in ((3, yaw), (2, pitch), (1, roll)):
             turn = np.zeros(4)
             turn[0], turn[axis] = np.cos(angle / 2), np.sin(angle / 2)
-            quaternion = multiply_quaternions(quaternion, turn)
+            quaternion = np.array(quaternion_product(quaternion, turn))
         if quaternion[0] < 0:
             quaternion = -quaternion
         return cls.make(position, rotation, quaternion)
@@ -74,7 +80,7 @@ class Pose:
         return Pose.make(
             self.rotation @ other.position + self.position,
             self.rotation @ other.rotation,
-            multiply_quaternions(self.quaternion, other.quaternion),
+            quaternion_product(self.quaternion, other.quaternion),
         )
 
     def inverse(self) -> Pose:

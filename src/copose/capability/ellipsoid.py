@@ -52,7 +52,9 @@ class Ellipsoid:
         radii, axes = 1 / values[::-1], rows[::-1]
         largest = np.argmax(np.abs(axes), axis=1)
         axes = axes * np.sign(axes[np.arange(m), largest])[:, None]
-        c = np.zeros(m) if center is None else center
+        c = np.zeros(m) if center is None else np.asarray(center, dtype=float)
+        if not np.all(np.isfinite(c)):
+            raise ValueError("the centre of an ellipsoid must be finite")
         return cls(frozen_array(A.T @ A), frozen_array(c), frozen_array(radii), frozen_array(axes))
 
     @classmethod

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from copose.poses import Array, Pose
+from copose.poses import Array, Pose, quaternion_product
 from copose.robots import Arm, Joint
 
 
@@ -18,24 +18,8 @@ def constant(values: Array) -> ca.SX:
 
 def multiply_quaternions(a: ca.SX, b: ca.SX) -> ca.SX:
     """Hamilton product a ⊗ b of quaternions [w, x, y, z]."""
-    return ca.vertcat(
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    )
-
-
-def rotation_of(quaternion: ca.SX) -> ca.SX:
-    """Rotation matrix of a unit quaternion [w, x, y, z]."""
-    w, x, y, z = ca.vertsplit(quaternion)
-    return ca.blockcat(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    product: ca.SX = ca.vertcat(*quaternion_product(a, b))
+    return product
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from copose.mechanics.chain import rotation_of
-from copose.poses import Array, Pose
+from copose.poses import Array, Pose, rotation_rows
 from copose.problem import Space
 
 N_PARAMETERS = 14
@@ -75,7 +74,7 @@ class HeldObject:
         """
         parameters = ca.SX.sym("object", N_PARAMETERS)
         position, quaternion, mass, upper = ca.vertsplit(parameters, [0, 3, 7, 8, N_PARAMETERS])
-        rotation = rotation_of(quaternion)
+        rotation = ca.blockcat(rotation_rows(quaternion))
         inertia = ca.blockcat(
             [
                 [upper[0], upper[1], upper[2]],

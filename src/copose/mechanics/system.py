@@ -14,7 +14,7 @@ from copose.mechanics.dynamics import gravity_torques, mass_matrix
 from copose.mechanics.held_object import HeldObject
 from copose.poses import Array
 from copose.problem import Space
-from copose.robots import Arm
+from copose.robots import Arm, finite_range
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,9 +148,9 @@ def _check_mass_matrix(mechanics: ArmMechanics, key: str) -> None:
     arm = mechanics.arm
     mass_at = ca.Function("M", [mechanics.q], [mechanics.M])
     rng = np.random.default_rng(0)
+    low, high = finite_range(arm.lower, arm.upper)
     for _ in range(8):
-        q = rng.uniform(np.fmax(arm.lower, -np.pi), np.fmin(arm.upper, np.pi))
-        M = np.array(mass_at(q))
+        M = np.array(mass_at(rng.uniform(low, high)))
         if not np.all(np.isfinite(M)):
             raise InputError("has masses or inertias that are not finite", key=key)
         values, vectors = np.linalg.eigh(M)
@@ -158,7 +158,8 @@ def _check_mass_matrix(mechanics: ArmMechanics, key: str) -> None:
             worst = arm.joints[int(np.argmax(np.abs(vectors[:, 0])))]
             why = "its link has no inertials" if worst.body.mass == 0 else "see its inertials"
             raise InputError(
-                f"the mass matrix is not positive definite: joint {worst.name!r} moves no inertia "
-                f"({values[0]:.1e} kg·m²); {why}, or give armature",
+                f"the mass matrix is not positive definite to working precision (eigenvalues "
+                f"{values[0]:.1e} … {values[-1]:.1e}): joint {worst.name!r} moves next to no "
+                f"inertia; {why}, or give armature",
                 key=key,
             )

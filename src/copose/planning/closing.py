@@ -82,7 +82,9 @@ class Projector:
 def _damped_step(residual: Array, slope: Array, norm: Array) -> Array:
     """−Jᵀ(J Jᵀ + λI)⁻¹ r, λ falling with the residual so that convergence stays quadratic."""
     m = residual.shape[1]
-    damping = 1e-3 * np.minimum(norm, 1.0) ** 2 + 1e-14
-    normal = slope @ slope.transpose(0, 2, 1) + damping[:, None, None] * np.eye(m)
+    normal = slope @ slope.transpose(0, 2, 1)
+    size = np.trace(normal, axis1=1, axis2=2) / m
+    damping = (1e-3 * np.minimum(norm, 1.0) ** 2 + 1e-13) * size + 1e-100
+    normal += damping[:, None, None] * np.eye(m)
     solved = np.linalg.solve(normal, residual[:, :, None])
     return np.asarray(-(slope.transpose(0, 2, 1) @ solved)[:, :, 0])

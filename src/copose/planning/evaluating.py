@@ -11,6 +11,7 @@ from copose.errors import InputError, nearest
 from copose.planning.answering import answer
 from copose.planning.cell import Cell
 from copose.planning.measuring import Measurement, Meter
+from copose.planning.notes import margin_notes
 from copose.planning.objectives import objective_of
 from copose.poses import Array
 from copose.problem import Problem
@@ -45,6 +46,7 @@ def evaluate(problem: Problem, joints: Mapping[str, Sequence[float]] | None = No
         objective_of(problem),
         status="solved" if fault is None else "infeasible",
         reason=fault,
+        notes=margin_notes(cell, q),
         after=measured if fault is None else None,
         miss=measured if fault is not None else None,
         timing=Timing(build_s=built - began, search_s=time.perf_counter() - built),

@@ -82,12 +82,18 @@ class Meter:
                 notes.append(
                     f"volume 0: the Jacobian of arm {arm.name!r} has rank {rank} of {m} here"
                 )
-            single = Ellipsoid.from_factor(own) if rank == m and _finite(own) else None
+            single = _ellipsoid(own) if rank == m else None
             records[arm.name] = ArmRecord(
-                skeleton=matrix(skeleton.T), ellipsoid=EllipsoidRecord.of(single, m)
+                skeleton=matrix(skeleton.T),
+                grasp=vector((cell.problem.object.pose @ arm.grasp).position),
+                ellipsoid=EllipsoidRecord.of(single, m),
             )
         ellipsoids = self._ellipsoids(joints) if not notes else dict.fromkeys(RESOLUTIONS)
         ellipsoid = ellipsoids[cell.resolution.name]
+        if ellipsoid is None and not notes:
+            notes.append(
+                "volume unknown: the equations of motion are singular to working precision"
+            )
         posture = Posture(
             joints={arm.name: vector(q) for arm, q in zip(cell.arms, joints, strict=True)},
             object=place(cell.problem.object.pose, cell.problem.space.planar),
@@ -112,9 +118,7 @@ class Meter:
             )
         )
         return {
-            name: Ellipsoid.from_factor(factor[:, axes], center.ravel()[axes])
-            if _finite(factor) and _finite(center)
-            else None
+            name: _ellipsoid(factor[:, axes], center.ravel()[axes])
             for name, factor in zip(RESOLUTIONS, factors, strict=True)
         }
 
@@ -132,5 +136,9 @@ def _rank(J: Array) -> int:
     return int(np.sum(values > RANK_TOLERANCE * max(values[0], 1e-300)))
 
 
-def _finite(values: Array) -> bool:
-    return bool(np.all(np.isfinite(values)))
+def _ellipsoid(factor: Array, center: Array | None = None) -> Ellipsoid | None:
+    """The ellipsoid of a factor, or None where it is singular to working precision."""
+    try:
+        return Ellipsoid.from_factor(factor, center)
+    except ValueError:
+        return None

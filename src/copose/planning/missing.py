@@ -80,8 +80,8 @@ def nearest_miss(cell: Cell, i: int, sample: ArmSample) -> Miss:
     angle = 2 * math.atan2(float(np.linalg.norm(turn_there[1:])), abs(float(turn_there[0])))
     return Miss(
         q,
-        f"arm {name!r} reaches the place of its grasp but not its orientation: the nearest it "
-        f"comes is {float(np.linalg.norm(gap_there)):.4g} m and {math.degrees(angle):.4g}°",
+        f"arm {name!r} reaches the place of its grasp but not in its orientation: between the two "
+        f"it misses by {float(np.linalg.norm(gap_there)):.4g} m and {math.degrees(angle):.4g}°",
     )
 
 

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+
 from copose.planning.cell import Cell
+from copose.poses import Array
 
 
 def standing_notes(cell: Cell) -> tuple[str, ...]:
@@ -16,6 +21,11 @@ def standing_notes(cell: Cell) -> tuple[str, ...]:
             "linear and angular accelerations share one ellipsoid: its radii, and with them the "
             "Moore–Penrose load distribution, depend on the unit of length"
         )
+    else:
+        notes.append(
+            "contacts transmit forces only: the ellipsoid ignores the moments that they exert on "
+            "the object, which may spin"
+        )
     sliding = [
         f"{arm.name}/{joint.name}"
         for arm in cell.arms
@@ -25,6 +35,16 @@ def standing_notes(cell: Cell) -> tuple[str, ...]:
     if sliding:
         notes.append(f"unit torques count 1 N like 1 N·m at the prismatic joint {sliding[0]}")
     return tuple(notes)
+
+
+def margin_notes(cell: Cell, joints: Sequence[Array]) -> tuple[str, ...]:
+    """Which arms of a posture are nearer to a limit than joint_margin."""
+    parts = zip(cell.arms, joints, cell.lower, cell.upper, strict=True)
+    return tuple(
+        f"arm {arm.name!r} is given within joint_margin of a limit"
+        for arm, q, lower, upper in parts
+        if np.any((q < lower) | (q > upper))
+    )
 
 
 def doubts(cell: Cell) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ _IPOPT: dict[str, Any] = {
     "ipopt.acceptable_iter": 0,
     "ipopt.max_iter": 200,
     "print_time": False,
+    "calc_lam_p": False,
     "show_eval_warnings": False,
     "error_on_fail": False,
 }

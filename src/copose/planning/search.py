@@ -19,6 +19,7 @@ from copose.planning.closing import CLOSED, Projector
 from copose.planning.objectives import Objective
 from copose.planning.program import LocalSolve, PostureProgram
 from copose.poses import Array
+from copose.robots import finite_range
 
 Progress: TypeAlias = Callable[[str, float], None]
 """Called with what is being done and the fraction of the whole that is behind."""
@@ -50,7 +51,7 @@ def sample_arm(cell: Cell, projector: Projector, i: int) -> ArmSample:
     """Closed postures of arm i, projected from its start and from random ones by the seed."""
     rng = np.random.default_rng([cell.problem.search.seed, i])
     lower, upper = cell.lower[i], cell.upper[i]
-    low, high = _finite_range(lower, upper)
+    low, high = finite_range(lower, upper)
     closed, missed, gaps = [], [], []
     found = 0
     for batch in range(_MOST_BATCHES):
@@ -68,14 +69,6 @@ def sample_arm(cell: Cell, projector: Projector, i: int) -> ArmSample:
             break
     nearest = np.argsort(np.concatenate(gaps), kind="stable")
     return ArmSample(np.concatenate(closed)[:_ENOUGH], np.concatenate(missed)[nearest])
-
-
-def _finite_range(lower: Array, upper: Array) -> tuple[Array, Array]:
-    """A range to draw from: one turn where there is no limit."""
-    low = np.where(
-        np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 2 * np.pi, -np.pi)
-    )
-    return low, np.where(np.isfinite(upper), upper, low + 2 * np.pi)
 
 
 class Screen:

@@ -13,6 +13,7 @@ from copose.planning.cell import Cell
 from copose.planning.closing import CLOSED, Projector
 from copose.planning.measuring import Measurement, Meter
 from copose.planning.missing import nearest_miss
+from copose.planning.notes import margin_notes
 from copose.planning.objectives import Objective, objective_of
 from copose.planning.program import PostureProgram
 from copose.planning.search import (
@@ -30,6 +31,8 @@ from copose.results import Optimum, SearchRecord, Solution, Timing
 
 # What a returned posture may miss its grasp by, m or rad.
 CLOSURE_TOLERANCE = 1e-8
+_NUDGES = 8
+_MISSES_TOLD = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +73,12 @@ class Planner:
         residual, _ = projector.residuals(q[None], cell.parameters)
         if np.linalg.norm(residual) <= CLOSED:
             return q
-        ends, gaps = projector.project(q[None], cell.parameters, cell.lower[i], cell.upper[i])
-        return ends[0] if gaps[0] <= CLOSED else None
+        # A stretched arm has no slope to follow; from a little beside it there is one.
+        nudges = np.random.default_rng(0).normal(size=(_NUDGES, len(q)))
+        beside = np.vstack([q, q + nudges * np.geomspace(1e-3, 0.1, _NUDGES)[:, None]])
+        ends, gaps = projector.project(beside, cell.parameters, cell.lower[i], cell.upper[i])
+        closed = np.flatnonzero(gaps <= CLOSED)
+        return np.asarray(ends[closed[0]]) if len(closed) else None
 
 
 def _within(cell: Cell, i: int, q: Array) -> bool:
@@ -131,7 +138,7 @@ def solve(problem: Problem, *, progress: Progress | None = None) -> Solution:
         cell,
         planner.objective,
         status="failed" if after is None else "solved",
-        reason=_why(polished, before) if after is None else None,
+        reason=_why(planner.program, polished, before) if after is None else None,
         notes=notes,
         before=before,
         after=after,
@@ -149,15 +156,18 @@ def _joints(measurement: Measurement, cell: Cell) -> list[Array]:
 
 
 def _misses(cell: Cell, samples: Sequence[ArmSample]) -> tuple[list[Array], str]:
-    """The nearest miss of every arm that misses, and a sentence on the first."""
+    """The nearest miss of the first arms that miss, and a sentence on each of them."""
     joints, reasons = [], []
+    missing = [i for i, sample in enumerate(samples) if not len(sample.closed)]
     for i, sample in enumerate(samples):
-        if len(sample.closed):
-            joints.append(sample.closed[0])
-            continue
-        miss = nearest_miss(cell, i, sample)
-        joints.append(miss.q)
-        reasons.append(miss.reason)
+        if i in missing[:_MISSES_TOLD]:
+            miss = nearest_miss(cell, i, sample)
+            joints.append(miss.q)
+            reasons.append(miss.reason)
+        else:
+            joints.append((sample.missed if i in missing else sample.closed)[0])
+    if len(missing) > len(reasons):
+        reasons.append(f"{len(missing) - len(reasons)} more arms miss theirs")
     return joints, "; ".join(reasons)
 
 
@@ -173,10 +183,8 @@ def _before(planner: Planner, samples: Sequence[ArmSample]) -> tuple[Measurement
                 f"the start of arm {arm.name!r} could not be projected onto its grasp; the first "
                 "closed posture of the seed stands in for it"
             )
-        if not _within(cell, i, q):
-            notes.append(f"the start of arm {arm.name!r} is within joint_margin of a limit")
         joints.append(q)
-    return planner.meter.measure(joints), tuple(notes)
+    return planner.meter.measure(joints), (*notes, *margin_notes(cell, joints))
 
 
 def _best(planner: Planner, polished: Polished, before: Measurement) -> Measurement | None:
@@ -217,13 +225,14 @@ def _failures(polished: Polished, starts: int) -> tuple[str, ...]:
     return (f"{len(polished.failures)} of {starts} local solves failed: {', '.join(ways)}",)
 
 
-def _why(polished: Polished, before: Measurement) -> str:
+def _why(program: PostureProgram, polished: Polished, before: Measurement) -> str:
     if before.notes:
         return before.notes[0]
     if not polished.failures:
         return "no local optimum passed its own check of closure and objective"
+    units = {constraint.name: constraint.unit for constraint in program.constraints}
     worst = [
-        f"{name} {violation:.1e}"
+        f"{name} {violation:.1e} {units[name]}"
         for name, violation in polished.failures[0].violations.items()
         if violation > CLOSURE_TOLERANCE
     ]

@@ -27,8 +27,8 @@ from copose.problem.spaces import SPACES, Space, SpaceName
 
 _LARGEST = 1e6
 _SMALLEST = 1e-12
-_MOST_ARMS = 64
-_MOST_LINKS = 64
+_MOST_ARMS = 32
+_MOST_LINKS = 32
 
 Number: TypeAlias = Annotated[float, Field(allow_inf_nan=False, ge=-_LARGEST, le=_LARGEST)]
 Positive: TypeAlias = Annotated[float, Field(allow_inf_nan=False, ge=_SMALLEST, le=_LARGEST)]
@@ -53,9 +53,15 @@ def _folder_name(value: str) -> str:
     return _name(value)
 
 
-def _no_nan(value: float) -> float:
-    if math.isnan(value):
-        raise PydanticCustomError("copose", "must be a number or ±inf")
+def _limit(value: float) -> float:
+    if math.isnan(value) or _LARGEST < abs(value) < math.inf:
+        raise PydanticCustomError("copose", "must be within ±1e6, or ±inf for none")
+    return value
+
+
+def _whole(value: Any) -> Any:
+    if type(value) is not int:
+        raise PydanticCustomError("copose", "must be a whole number")
     return value
 
 
@@ -110,7 +116,7 @@ def _physical_inertia(inertia: Matrix3) -> Matrix3:
 
 Name: TypeAlias = Annotated[str, AfterValidator(_name)]
 FolderName: TypeAlias = Annotated[str, AfterValidator(_folder_name)]
-Limit: TypeAlias = Annotated[float, AfterValidator(_no_nan)]
+Limit: TypeAlias = Annotated[float, AfterValidator(_limit)]
 Range: TypeAlias = Annotated[tuple[Limit, Limit], AfterValidator(_range)]
 Direction: TypeAlias = Annotated[tuple[Number, ...], AfterValidator(_direction)]
 Inertia: TypeAlias = Annotated[
@@ -407,7 +413,7 @@ class SearchSpec(Spec):
 class Problem(Spec):
     """A problem file; `copose.load` reads one, `copose.parse` takes the same as a dict."""
 
-    format: Literal[1]
+    format: Annotated[Literal[1], BeforeValidator(_whole)]
     name: FolderName
     description: Text = ""
     task: Task

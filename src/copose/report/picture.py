@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import warnings
 from pathlib import Path
 
@@ -38,6 +39,8 @@ def picture(solution: Solution, kind: str) -> bytes:
     from copose.report.planar import planar_figure
     from copose.report.spatial import spatial_figure
 
+    # It warns of folders that it cannot write its font cache to; fonts are found without.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     # The date that these formats carry would make the same result look different every time.
     metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
     with matplotlib.rc_context(style.RC), warnings.catch_warnings():

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
+from matplotlib.transforms import ScaledTranslation
 
 from copose.capability import Ellipsoid
 from copose.poses import Array
@@ -16,6 +17,8 @@ from copose.results import EllipsoidRecord, Posture, Solution
 
 # The longest semi-axis drawn, as a share of the scene's larger side.
 _ELLIPSE_SHARE = 0.3
+# Width of a panel, inches.
+_PANEL = 4.6
 
 
 def planar_figure(solution: Solution) -> Figure:
@@ -27,14 +30,18 @@ def planar_figure(solution: Solution) -> Figure:
     scale = _ELLIPSE_SHARE * size / longest
     for _, posture in panels:
         low, high = _grown(low, high, posture, solution, scale)
-    margin = 0.04 * size
+    # A flat scene still needs a frame to be read in.
+    least = 0.4 * float((high - low).max())
+    margin = 0.04 * size + np.maximum(least - (high - low), 0.0) / 2
     low, high = low - margin, high + margin
 
     width, height = high - low
-    panel = 4.6
-    # Room above the axes for the titles and below for the legend.
-    tall = panel * height / width + 1.75
-    figure = Figure(figsize=(panel * len(panels) + 0.6, min(max(tall, 4.2), 8.5)))
+    wide = _PANEL * len(panels) + 0.6
+    keys = style.keys(solution.joint_names, "together, at the object", "each arm alone, at its tip")
+    columns, rows = style.legend_grid(keys, wide)
+    above, below = 1.0, 0.3 + 0.27 * rows
+    tall = min(_PANEL * height / width + above, 7.5) + below
+    figure = Figure(figsize=(wide, tall))
     axes = figure.subplots(1, len(panels), squeeze=False, sharex=True, sharey=True)[0]
     for ax, (name, posture) in zip(axes, panels, strict=True):
         _scene(ax, posture, solution, scale)
@@ -46,17 +53,15 @@ def planar_figure(solution: Solution) -> Figure:
     axes[0].set_ylabel("y, m")
     if any(_ellipses(posture, solution) for _, posture in panels):
         _scale_bar(axes[-1], low, high, scale)
-    heading = ": ".join(
-        part for part in (solution.problem.name, style.gain_words(solution)) if part
+    figure.suptitle(
+        style.heading(solution), fontweight="bold", x=0.02, y=1 - 0.1 / tall, ha="left", va="top"
     )
-    figure.suptitle(heading, fontweight="bold", x=0.02, ha="left")
     handles, labels = axes[0].get_legend_handles_labels()
     if any(_ellipses(posture, solution) for _, posture in panels):
         handles.append(Line2D([], [], color=style.INK, linewidth=1.4, linestyle="--"))
         labels.append("each arm alone, at its tip")
-    figure.legend(handles, labels, loc="lower center", ncols=min(len(labels), 5), frameon=False)
-    rows = -(-len(labels) // 5)
-    figure.tight_layout(rect=(0, 0.04 + 0.05 * rows, 1, 0.99))
+    figure.legend(handles, labels, loc="lower center", ncols=columns, frameon=False)
+    figure.tight_layout(rect=(0, (below - 0.1) / tall, 1, 1 - 0.3 / tall))
     return figure
 
 
@@ -105,13 +110,17 @@ def _scene(ax: Axes, posture: Posture, solution: Solution, scale: float) -> None
         points = np.array(arm.skeleton)[:, :2]
         color = colors[name]
         ax.plot(*points.T, color=color, linewidth=5, solid_capstyle="round",
-                solid_joinstyle="round", alpha=0.85, zorder=3, label=f"arm {name}")  # fmt: skip
+                solid_joinstyle="round", alpha=0.85, zorder=3,
+                label=f"arm {style.short(name)}")  # fmt: skip
         ax.plot(*points[1:-1].T, linestyle="", marker="o", markersize=7, markerfacecolor="white",
                 markeredgecolor=style.INK, markeredgewidth=1.2, zorder=5)  # fmt: skip
         ax.plot(*points[-1], marker="o", markersize=4, color=style.INK, zorder=5)
-        ax.plot(
-            *(points[0] - [0, 0.0]), marker="s", markersize=12, color=color, alpha=0.5, zorder=2
-        )
+        ax.plot(*points[0], marker="s", markersize=12, color=color, alpha=0.5, zorder=2)
+        if posture.closure_error[name] > style.OPEN:
+            gap = np.array([points[-1], arm.grasp[:2]])
+            ax.plot(*gap.T, color=style.INK, linewidth=1.2, linestyle=":", zorder=5)
+            ax.plot(*gap[1], marker="x", markersize=8, color=style.INK, zorder=6)
+            continue
         ellipse = _linear(arm.ellipsoid, solution)
         if ellipse is not None:
             curve = points[-1] + scale * _curve(ellipse)
@@ -147,7 +156,7 @@ def _outline(posture: Posture, solution: Solution) -> Array | None:
 
 
 def _extent(solution: Solution, postures: list[Posture]) -> tuple[Array, Array]:
-    points = [np.array(a.skeleton)[:, :2] for p in postures for a in p.arms.values()]
+    points = [np.array([*a.skeleton, a.grasp])[:, :2] for p in postures for a in p.arms.values()]
     points += [o for p in postures if (o := _outline(p, solution)) is not None]
     points += [np.array([p.object.position]) for p in postures]
     stacked = np.vstack(points)
@@ -172,10 +181,11 @@ def _grown(
 def _scale_bar(ax: Axes, low: Array, high: Array, scale: float) -> None:
     """How long an acceleration per torque is drawn, below the scene's right corner."""
     value = style.round_scale(0.3 * float(high[0] - low[0]) / scale)
-    below = ax.get_xaxis_transform()
+    down = ScaledTranslation(0, -38 / 72, ax.get_figure().dpi_scale_trans)  # type: ignore[union-attr]
+    below = ax.get_xaxis_transform() + down
     ends = np.array([high[0] - value * scale, high[0]])
-    ax.plot(ends, [-0.115, -0.115], transform=below, color=style.INK, linewidth=2.5, clip_on=False)
-    ax.text(
-        float(ends.mean()), -0.135, f"{value:g} {style.LINEAR_UNIT}", transform=below,
-        ha="center", va="top", fontsize=9,
+    ax.plot(ends, [0, 0], transform=below, color=style.INK, linewidth=2.5, clip_on=False)
+    ax.annotate(
+        f"{value:g} {style.LINEAR_UNIT}", (high[0], 0), xycoords=below, xytext=(0, -5),
+        textcoords="offset points", ha="right", va="top", fontsize=9,
     )  # fmt: skip

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from copose.capability import Ellipsoid
-from copose.poses import Array
+from copose.poses import Array, rotation_rows
 from copose.problem import SPACES
 from copose.report import style
 from copose.results import Posture, Solution
@@ -49,7 +49,7 @@ def spatial_figure(solution: Solution) -> Figure:
     figure = Figure(figsize=(11, 8.2 if slices else 6.2))
     grid = figure.add_gridspec(
         2 if slices else 1, 2 * len(panels), height_ratios=[3.6, 1] if slices else [1],
-        left=0.03, right=0.96, bottom=0.06, top=0.88, hspace=0.16, wspace=0.3,
+        left=0.03, right=0.94, bottom=0.06, top=0.88, hspace=0.16, wspace=0.3,
     )  # fmt: skip
     low, high = _extent(postures, solution, slices)
     for k, (name, posture) in enumerate(panels):
@@ -62,10 +62,7 @@ def spatial_figure(solution: Solution) -> Figure:
     for k, piece in enumerate(slices):
         bars = figure.add_subplot(grid[1, span * k : span * (k + 1)])
         _bars(bars, panels, piece)
-    heading = ": ".join(
-        part for part in (solution.problem.name, style.gain_words(solution)) if part
-    )
-    figure.suptitle(heading, fontweight="bold", x=0.02, y=0.985, ha="left")
+    figure.suptitle(style.heading(solution), fontweight="bold", x=0.02, y=0.985, ha="left")
     for k, piece in enumerate(slices):
         value = style.round_scale(0.2 / piece.scale)
         where = ", lifted above the object" if piece.lift else " at the object"
@@ -99,8 +96,9 @@ def _title(name: str, posture: Posture, solution: Solution) -> str:
     record = posture.ellipsoid
     if record.log_volume is not None:
         return f"{name}: log-volume {record.log_volume:.3f}"
+    unit = "m or rad" if SPACES[solution.problem.space].rigid else "m"
     if name == "nearest miss":
-        return f"{name}: gap {max(posture.closure_error.values()):.3g}"
+        return f"{name}: gap {max(posture.closure_error.values()):.3g} {unit}"
     return f"{name}: volume 0"
 
 
@@ -133,14 +131,22 @@ def _scene(ax: Any, posture: Posture, solution: Solution, low: Array, high: Arra
         face = Poly3DCollection([corners], facecolor=style.OBJECT, edgecolor=style.INK,
                                 linewidth=0.5, alpha=0.35)  # fmt: skip
         ax.add_collection3d(face)
+    center = np.array(posture.object.position)
+    ax.plot(*center[:, None], marker="o", markersize=4, color=style.INK)
     for name, color in zip(posture.arms, style.ARMS * len(posture.arms), strict=False):
         points = np.array(posture.arms[name].skeleton)
         ax.plot(*points.T, color=color, linewidth=4, solid_capstyle="round",
-                solid_joinstyle="round", label=f"arm {name}")  # fmt: skip
+                solid_joinstyle="round", label=f"arm {style.short(name)}")  # fmt: skip
         ax.plot(*points[1:-1].T, linestyle="", marker="o", markersize=5, markerfacecolor="white",
                 markeredgecolor=style.INK)  # fmt: skip
         ax.plot(*points[:1].T, marker="s", markersize=8, color=color)
         ax.plot(*points[-1:].T, marker="o", markersize=4, color=style.INK)
+        grasp = np.array(posture.arms[name].grasp)
+        if posture.closure_error[name] > style.OPEN:
+            ax.plot(*np.array([points[-1], grasp]).T, color=style.INK, linestyle=":", linewidth=1.2)
+            ax.plot(*grasp[:, None], marker="x", markersize=8, color=style.INK)
+        elif solution.problem.shape is None:
+            ax.plot(*np.array([grasp, center]).T, color=style.OBJECT, linewidth=1.5)
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])
     ax.set_zlim(low[2], high[2])
@@ -190,14 +196,8 @@ def _faces(posture: Posture, solution: Solution) -> list[Array]:
             np.array([0.0, shape.radius, shape.radius, 0.0]),
             np.array([-length, -length, length, length]),
         )
-    w, x, y, z = posture.object.quaternion  # type: ignore[union-attr]
-    R = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    quaternion = posture.object.quaternion  # type: ignore[union-attr]
+    R: Array = np.array(rotation_rows(quaternion))
     return [np.array(posture.object.position) + face @ R.T for face in local]
 
 
@@ -227,7 +227,7 @@ def _tube(radii: Array, heights: Array) -> list[Array]:
 def _extent(
     postures: list[Posture], solution: Solution, slices: list[_Slice]
 ) -> tuple[Array, Array]:
-    points = [np.array(arm.skeleton) for p in postures for arm in p.arms.values()]
+    points = [np.array([*a.skeleton, a.grasp]) for p in postures for a in p.arms.values()]
     points += [np.vstack(faces) for p in postures if (faces := _faces(p, solution))]
     points += [np.array([p.object.position]) for p in postures]
     for piece in slices:

@@ -6,6 +6,7 @@ Colours are Okabe and Ito's, which people with colour-blindness tell apart.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 from copose.problem import SPACES
@@ -29,6 +30,9 @@ RC: Any = {
     "text.parse_math": False,
 }
 
+# A tip farther than this from its grasp, m or rad, does not hold the object.
+OPEN = 1e-6
+
 LINEAR_UNIT = "m/s² per N·m"
 ANGULAR_UNIT = "rad/s² per N·m"
 
@@ -47,6 +51,31 @@ def panels(solution: Solution) -> list[tuple[str, Posture]]:
 def measure_word(space: str) -> str:
     """What the content of an ellipsoid in a space is called."""
     return "area" if SPACES[space].m == 2 else "volume"
+
+
+def heading(solution: Solution) -> str:
+    """What stands above a picture: the problem's name and the gain in words."""
+    return ": ".join(
+        part for part in (short(solution.problem.name, 60), gain_words(solution)) if part
+    )
+
+
+def short(name: str, most: int = 20) -> str:
+    """A name that fits into a picture."""
+    return name if len(name) <= most else name[: most - 1] + "…"
+
+
+def keys(arms: Iterable[str], *more: str) -> list[str]:
+    """The entries of a picture's legend."""
+    return [f"arm {short(name)}" for name in arms] + list(more)
+
+
+def legend_grid(entries: list[str], inches: float) -> tuple[int, int]:
+    """Columns and rows in which a legend's entries fit into so many inches."""
+    # A letter takes about a twelfth of an inch at the size that legends are set in.
+    widest = max(0.6 + len(entry) / 12 for entry in entries)
+    columns = max(1, min(len(entries), int(inches / widest)))
+    return columns, -(-len(entries) // columns)
 
 
 def gain_words(solution: Solution) -> str:

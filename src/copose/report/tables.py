@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from rich.console import Group, RenderableType
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
@@ -18,15 +17,21 @@ from copose.robots import Arm
 def solution_table(solution: Solution) -> RenderableType:
     """What a result says, in the order in which a reader asks."""
     parts: list[RenderableType] = []
-    head = f"[bold]{escape(solution.problem.name)}[/bold]: {solution.status}"
-    if solution.reason:
-        head += f": {escape(solution.reason)}"
-    parts.append(Text.from_markup(head))
+    said = [solution.status, solution.reason] if solution.reason else [solution.status]
+    parts.append(_heading(solution.problem.name, ": ".join(map(str, said))))
     if solution.after is not None:
         parts += [_numbers(solution), _joints(solution)]
-    parts.append(Text.from_markup(_evidence(solution)))
-    parts += [Text.from_markup(f"[dim]note: {escape(note)}[/dim]") for note in solution.notes]
+    parts.append(Text(_evidence(solution)))
+    parts += _notes(solution.notes)
     return Group(*parts)
+
+
+def _heading(name: str, text: str) -> Text:
+    return Text.assemble((name, "bold"), f": {text}")
+
+
+def _notes(notes: tuple[str, ...]) -> list[Text]:
+    return [Text(f"note: {note}", style="dim") for note in notes]
 
 
 def _numbers(solution: Solution) -> Table:
@@ -78,7 +83,7 @@ def _joints(solution: Solution) -> Table:
     table.add_column("arm")
     table.add_column("joints after, rad or m" if solution.before is not None else "joints")
     for name, positions in after.joints.items():
-        table.add_row(escape(name), " ".join(f"{position:.4f}" for position in positions))
+        table.add_row(Text(name), " ".join(f"{position:.4f}" for position in positions))
     return table
 
 
@@ -98,10 +103,10 @@ def _evidence(solution: Solution) -> str:
 
 def chains(name: str, space: str, arms: tuple[Arm, ...], notes: tuple[str, ...]) -> RenderableType:
     """The chains as they were read: joints in order, limits, efforts, what was locked."""
-    parts: list[RenderableType] = [Text.from_markup(f"[bold]{escape(name)}[/bold]: {space}")]
+    parts: list[RenderableType] = [_heading(name, space)]
     for arm in arms:
         table = Table(
-            title=f"{escape(arm.name)}: {escape(arm.model)}, {arm.n} joints",
+            title=Text(f"{arm.name}: {arm.model}, {arm.n} joints"),
             title_justify="left",
             show_edge=False,
             pad_edge=False,
@@ -112,13 +117,13 @@ def chains(name: str, space: str, arms: tuple[Arm, ...], notes: tuple[str, ...])
         for joint in arm.joints:
             limits = (joint.lower, joint.upper, joint.effort, joint.velocity)
             shown = [_limit(value) for value in limits]
-            table.add_row(escape(joint.name), joint.kind, *shown, f"{joint.armature:g}")
+            table.add_row(Text(joint.name), joint.kind, *shown, f"{joint.armature:g}")
         parts.append(table)
         if arm.locked:
             held = ", ".join(f"{joint.name} = {joint.position:g}" for joint in arm.locked)
             parts.append(Text(f"locked: {held}"))
         parts.append(Text(""))
-    parts += [Text.from_markup(f"[dim]note: {escape(note)}[/dim]") for note in notes]
+    parts += _notes(notes)
     return Group(*parts)
 
 

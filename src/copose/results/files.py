@@ -34,7 +34,8 @@ def read_solution(path: str | Path) -> Solution:
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         key = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"is no copose result: {first['msg']}", key=key, file=file) from None
+        text = f"is no copose result ({key}: {first['msg']})" if key else "is no copose result"
+        raise InputError(text, file=file) from None
 
 
 def write_file(path: Path, content: bytes) -> None:

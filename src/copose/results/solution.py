@@ -94,10 +94,12 @@ class ArmRecord(Record):
 
     Attributes:
         skeleton: root, joint origins and tip in the world, m.
+        grasp: where the tip should be, m.
         ellipsoid: of the arm alone at its tip: {a : ‖M J⁺ a‖ ≤ 1}.
     """
 
     skeleton: Matrix
+    grasp: Vector
     ellipsoid: EllipsoidRecord
 
 

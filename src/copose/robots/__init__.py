@@ -1,6 +1,6 @@
 """Each arm as plain numbers: joints, placements, inertias, limits."""
 
-from copose.robots.arm import Arm, Body, Joint
+from copose.robots.arm import Arm, Body, Joint, finite_range
 from copose.robots.loading import load_arms
 
-__all__ = ["Arm", "Body", "Joint", "load_arms"]
+__all__ = ["Arm", "Body", "Joint", "finite_range", "load_arms"]

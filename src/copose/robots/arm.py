@@ -122,6 +122,14 @@ class Arm:
         return np.array([joint.upper for joint in self.joints])
 
 
+def finite_range(lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Bounds with one turn in the place of a missing limit, from the other limit or about zero."""
+    low = np.where(
+        np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 2 * np.pi, -np.pi)
+    )
+    return low, np.where(np.isfinite(upper), upper, low + 2 * np.pi)
+
+
 def check_lengths(spec: ArmSpec, names: tuple[str, ...], key: str) -> None:
     """Refuse a per-joint array of the wrong length, naming the joints it is for."""
     for field_name in ("start", "torque_limits", "position_limits", "armature"):

@@ -12,12 +12,19 @@ from typing import Any, Literal
 
 import numpy as np
 
-from copose.errors import InputError, nearest, one_line
+from copose.errors import InputError, nearest, one_line, shown
 from copose.poses import Array, Pose, frozen_array
 from copose.problem import UrdfArm
 from copose.robots.arm import Arm, Body, Joint, LockedJoint, check_lengths, start_within_limits
 from copose.robots.paths import resolve
-from copose.robots.urdf_tree import MOVABLE, Tree, TreeJoint, read_tree
+from copose.robots.urdf_tree import (
+    MOVABLE,
+    Tree,
+    TreeJoint,
+    joint_frame,
+    link_frame,
+    read_tree,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,24 +44,31 @@ class RobotOnBase:
         file: the URDF.
         origin: T_world_universe of the whole robot.
         moves: its free joints that the arm may move.
-        moved_by: all movable joints that the tip hangs on.
+        held: where the locked joints that the tip hangs on are held.
     """
 
     file: Path
     origin: Pose
     moves: frozenset[str]
-    moved_by: frozenset[str]
+    held: dict[str, float]
 
     def clash(self, other: RobotOnBase) -> str | None:
-        """A joint that one arm moves and the other hangs on, if both are parts of one robot."""
+        """Why the two arms cannot be parts of one robot that move independently."""
         same = self.file == other.file and np.allclose(
             np.column_stack([self.origin.rotation, self.origin.position]),
             np.column_stack([other.origin.rotation, other.origin.position]),
             rtol=0,
             atol=1e-9,
         )
-        shared = (self.moves & other.moved_by) | (other.moves & self.moved_by)
-        return min(shared) if same and shared else None
+        if not same:
+            return None
+        mine, others = self.moves | self.held.keys(), other.moves | other.held.keys()
+        for joint in sorted((self.moves & others) | (other.moves & mine)):
+            return f"both hang on joint {joint!r}; lock it in both, so that they are independent"
+        for joint in sorted(self.held.keys() & other.held.keys()):
+            if self.held[joint] != other.held[joint]:
+                return f"hold joint {joint!r} at different positions; lock it at one"
+        return None
 
 
 def read_robot(spec: UrdfArm, folder: Path, key: str, read: dict[Path, Robot]) -> Robot:
@@ -77,6 +91,10 @@ def read_robot(spec: UrdfArm, folder: Path, key: str, read: dict[Path, Robot]) -
         return read[file]
     except InputError as error:
         text = f"{error.file}: {error.message}" if error.file else error.message
+        raise InputError(text, key=f"{key}.urdf") from None
+    except (OSError, ValueError, RuntimeError) as error:
+        # What pathlib makes of unknown users, zero bytes, endless names and circular links.
+        text = f"{shown(spec.urdf)} is no usable path: {error}"
         raise InputError(text, key=f"{key}.urdf") from None
 
 
@@ -135,7 +153,11 @@ def urdf_arm(spec: UrdfArm, robot: Robot, key: str) -> tuple[Arm, RobotOnBase]:
         file=robot.file,
         origin=base @ T_universe_root.inverse(),
         moves=frozenset(names),
-        moved_by=frozenset(j.name for j in tree.ancestors(spec.tip) if j.kind in MOVABLE),
+        held={
+            j.name: spec.locked.get(j.name, 0.0)
+            for j in tree.ancestors(spec.tip)
+            if j.kind in MOVABLE and j.name not in names
+        },
     )
     return arm, whole
 
@@ -146,13 +168,13 @@ def _full_model(tree: Tree) -> Any:
     model, refused = None, ""
     with _native_stderr() as lines:
         try:
-            model = pinocchio.buildModelFromXML(tree.text)
+            model = pinocchio.buildModelFromXML(tree.xml)
         except (ValueError, RuntimeError) as error:
             refused = str(error)
     # The reader leaves out what it cannot parse, an inertial say, and goes on: wrong numbers.
     said = [line for line in lines if line.strip() and (model is None or "Error" in line)]
     if model is None or said:
-        why = said[0] if said else refused
+        why = (said[0] if said else refused).replace("link:", "").replace("joint:", "")
         raise InputError(f"{tree.file.name} cannot be read as URDF: {one_line(why.strip())}")
     return model
 
@@ -205,7 +227,7 @@ def _reduced(full: Any, free: frozenset[str], locked: dict[str, float]) -> Any:
     position = pinocchio.neutral(full)
     held = []
     for index in range(1, full.njoints):
-        name = full.names[index]
+        name = full.names[index].removeprefix(joint_frame(""))
         if name in free:
             continue
         held.append(index)
@@ -228,7 +250,7 @@ def _locked(
     for name, tree_joint in tree.movable.items():
         carried = any(above.name in free for above in tree.ancestors(tree_joint.child))
         if name not in free and (carried or tree_joint in chain):
-            joint = model.joints[model.getJointId(name)]
+            joint = model.joints[model.getJointId(joint_frame(name))]
             limits = -np.inf, np.inf
             if tree_joint.kind != "continuous":
                 limits = (
@@ -242,7 +264,9 @@ def _locked(
 def _frame(model: Any, link: str) -> Pose:
     import pinocchio
 
-    return _pose(model.frames[model.getFrameId(link, pinocchio.FrameType.BODY)].placement)
+    return _pose(
+        model.frames[model.getFrameId(link_frame(link), pinocchio.FrameType.BODY)].placement
+    )
 
 
 def _pose(placement: Any) -> Pose:
@@ -253,7 +277,7 @@ def _pose(placement: Any) -> Pose:
 
 
 def _joint(model: Any, index: int, tree_joint: TreeJoint, spec: UrdfArm, key: str) -> Joint:
-    number = model.getJointId(tree_joint.name)
+    number = model.getJointId(joint_frame(tree_joint.name))
     joint, inertia = model.joints[number], model.inertias[number]
     lower, upper = _limits(model, joint, index, tree_joint, spec, key)
     effort = float(model.upperEffortLimit[joint.idx_v]) if tree_joint.has_effort else np.inf

@@ -11,6 +11,7 @@ from copose.problem import read_text
 
 MOVABLE = ("revolute", "continuous", "prismatic")
 _MOST_BYTES = 50_000_000
+_MOST_JOINTS = 2_000
 
 
 @dataclass(frozen=True)
@@ -31,13 +32,14 @@ class Tree:
     """Links and joints of a URDF.
 
     Attributes:
-        text: the XML.
+        xml: the robot, its links called ``link:…`` and its joints ``joint:…``: in a URDF a link and
+            a joint may share a name, among Pinocchio's frames they may not.
         file: where it was read.
         links: link names and whether each has inertials.
         joints: by the name of their child link.
     """
 
-    text: str
+    xml: str
     file: Path
     links: dict[str, bool]
     joints: dict[str, TreeJoint]
@@ -112,7 +114,11 @@ def read_tree(file: Path) -> Tree:
             raise InputError(f"{file.name} is broken: link {name!r} has no name or appears twice")
         links[name] = element.find("inertial") is not None
     joints: dict[str, TreeJoint] = {}
-    for element in robot.findall("joint"):
+    names: set[str] = set()
+    elements = robot.findall("joint")
+    if len(elements) > _MOST_JOINTS:
+        raise InputError(f"{file.name} has {len(elements)} joints; at most {_MOST_JOINTS} are read")
+    for element in elements:
         joint = _joint(element, file)
         for link in (joint.parent, joint.child):
             if link not in links:
@@ -120,19 +126,43 @@ def read_tree(file: Path) -> Tree:
                     f"{file.name} is broken: joint {joint.name!r} names the link {link!r}, "
                     "which it does not have"
                 )
-        if joint.child in joints or joint.name in {j.name for j in joints.values()}:
+        if joint.child in joints or joint.name in names:
             raise InputError(
                 f"{file.name} is broken: joint {joint.name!r} appears twice, or link "
                 f"{joint.child!r} hangs on two joints"
             )
+        names.add(joint.name)
         joints[joint.child] = joint
     roots = [link for link in links if link not in joints]
     if len(roots) != 1:
         raise InputError(f"{file.name} is no tree of links: it has {len(roots)} root links")
-    tree = Tree(text, file, links, joints)
+    tree = Tree(_with_unique_names(robot), file, links, joints)
     for link in links:
         _refuse_loop(tree, link)
     return tree
+
+
+def link_frame(link: str) -> str:
+    """What a link is called in `Tree.xml`."""
+    return f"link:{link}"
+
+
+def joint_frame(joint: str) -> str:
+    """What a joint is called in `Tree.xml`."""
+    return f"joint:{joint}"
+
+
+def _with_unique_names(robot: ET.Element) -> str:
+    for link in robot.findall("link"):
+        link.set("name", link_frame(link.get("name", "")))
+    for joint in robot.findall("joint"):
+        joint.set("name", joint_frame(joint.get("name", "")))
+        for tag in ("parent", "child"):
+            for end in joint.findall(tag):
+                end.set("link", link_frame(end.get("link", "")))
+        for mimic in joint.findall("mimic"):
+            mimic.set("joint", joint_frame(mimic.get("joint", "")))
+    return ET.tostring(robot, encoding="unicode")
 
 
 def _refuse_loop(tree: Tree, link: str) -> None:
@@ -156,10 +186,13 @@ def _joint(element: ET.Element, file: Path) -> TreeJoint:
         found = element.find(tag)
         return found.get("link", "") if found is not None else ""
 
-    limit, mimic = element.find("limit"), element.find("mimic")
+    limit, mimic, axis = (element.find(tag) for tag in ("limit", "mimic", "axis"))
     name = element.get("name", "")
     if not name:
         raise InputError(f"{file.name} is broken: a joint has no name")
+    direction = axis.get("xyz", "") if axis is not None else "1 0 0"
+    if element.get("type") in MOVABLE and not any(x.strip("+-0.eE") for x in direction.split()):
+        raise InputError(f"{file.name} is broken: joint {name!r} has the axis {direction!r}")
     return TreeJoint(
         name=name,
         kind=element.get("type", ""),
