@@ -67,13 +67,17 @@ class ArmMechanics:
 
     def velocity_torques(self, speed: ca.SX) -> ca.SX:
         """Coriolis and centrifugal torques Ṁq̇ − ½ ∂(q̇ᵀMq̇)/∂q at joint speeds q̇, (n,)."""
-        momentum = self.M @ speed
-        energy = ca.dot(speed, momentum) / 2
-        return ca.jtimes(momentum, self.q, speed) - ca.gradient(energy, self.q)
+        # A symbol of its own: speeds that depend on q must not be differentiated with it.
+        rate = ca.SX.sym("rate", self.arm.n)
+        momentum = self.M @ rate
+        energy = ca.dot(rate, momentum) / 2
+        torques = ca.jtimes(momentum, self.q, rate) - ca.gradient(energy, self.q)
+        return ca.substitute(torques, rate, speed)
 
     def velocity_acceleration(self, speed: ca.SX) -> ca.SX:
         """J̇q̇, the tip's acceleration at joint speeds q̇ without joint accelerations, (m,)."""
-        return ca.jtimes(self.J @ speed, self.q, speed)
+        rate = ca.SX.sym("rate", self.arm.n)
+        return ca.substitute(ca.jtimes(self.J @ rate, self.q, rate), rate, speed)
 
     @property
     def skeleton(self) -> ca.SX:
