@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from copose.capability import Ellipsoid
     from copose.planning import Check, check, evaluate, solve, verify
     from copose.problem import Problem, load, parse
-    from copose.report import draw
+    from copose.report import compare, draw
     from copose.results import Solution, read_solution
 
 _HOMES = {
@@ -25,6 +25,7 @@ _HOMES = {
     "Problem": "problem",
     "Solution": "results",
     "check": "planning",
+    "compare": "report",
     "draw": "report",
     "evaluate": "planning",
     "load": "problem",
@@ -43,6 +44,7 @@ __all__ = [
     "Solution",
     "__version__",
     "check",
+    "compare",
     "draw",
     "evaluate",
     "load",

@@ -74,6 +74,16 @@ def _parser() -> argparse.ArgumentParser:
         "--joints", type=Path, metavar="RESULT.json", help="measure this result's posture instead"
     )
 
+    compare = commands.add_parser("compare", help="two results side by side")
+    compare.add_argument("one", type=Path, metavar="A.json")
+    compare.add_argument("other", type=Path, metavar="B.json")
+    compare.add_argument(
+        "--figure", type=Path, metavar="FILE", default=Path("compare.png"),
+        help="the picture, a .png, .pdf or .svg (default: compare.png)",
+    )  # fmt: skip
+    compare.add_argument("--quiet", action="store_true", help="print no table")
+    compare.set_defaults(run=_compare)
+
     _command(commands, "check", "read the file and the robots, and print the chains", _check)
     return parser
 
@@ -138,6 +148,22 @@ def _evaluate(arguments: argparse.Namespace) -> int:
     return _finish(solution, folder, arguments)
 
 
+def _compare(arguments: argparse.Namespace) -> int:
+    from copose.report import check_format, compare, comparison_table, draw_comparison
+    from copose.results import read_solution
+
+    check_format(arguments.figure)
+    _check_place(arguments.figure)
+    files = arguments.one, arguments.other
+    one, other = (read_solution(file) for file in files)
+    found = compare(one, other, (str(files[0]), str(files[1])))
+    draw_comparison(found, arguments.figure)
+    if not arguments.quiet:
+        _print(comparison_table(found))
+        _print_place(arguments.figure)
+    return SOLVED
+
+
 def _check(arguments: argparse.Namespace) -> int:
     from copose.planning import check
     from copose.problem import load
@@ -180,8 +206,6 @@ def _check_place(file: Path) -> None:
 
 def _finish(solution: Solution, folder: Path, arguments: argparse.Namespace) -> int:
     """Write and print an answer."""
-    from rich.text import Text
-
     from copose.report import draw, picture, solution_table
     from copose.results import to_json, write_file
 
@@ -199,10 +223,16 @@ def _finish(solution: Solution, folder: Path, arguments: argparse.Namespace) -> 
         sys.stdout.write(text)
     elif not arguments.quiet:
         _print(solution_table(solution))
-        _print(Text(f"written to {folder}"))
+        _print_place(folder)
     if solution.reason is not None and (arguments.json or arguments.quiet):
         print(f"copose: {solution.status}: {one_line(solution.reason)}", file=sys.stderr)  # noqa: T201
     return _STATUS[solution.status]
+
+
+def _print_place(place: Path) -> None:
+    from rich.text import Text
+
+    _print(Text(f"written to {place}"))
 
 
 def _print(content: RenderableType) -> None:

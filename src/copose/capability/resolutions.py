@@ -57,7 +57,7 @@ class Pseudoinverse(Resolution):
     """
 
     name = "pseudoinverse"
-    assumes = "least-norm joint accelerations and contact wrenches"
+    assumes = "least-norm q̈ and h"
 
     def arm_terms(self, system: System, i: int, scale: Array) -> tuple[ca.SX, ...]:
         """(T⁻¹A_i)ᵀ(T⁻¹A_i)."""
@@ -84,7 +84,7 @@ class TorqueOptimal(Resolution):
     """
 
     name = "torque-optimal"
-    assumes = "null motion and internal force that spend the least torque"
+    assumes = "q̈ and h of least torque"
 
     def arm_terms(self, system: System, i: int, scale: Array) -> tuple[ca.SX, ...]:
         """W_iΛ_iW_iᵀ and arm i's summand of R."""

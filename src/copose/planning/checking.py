@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from copose.planning.cell import Cell
-from copose.planning.notes import doubts
+from copose.planning.notes import standing_notes
 from copose.problem import Problem
 from copose.robots import Arm
 
@@ -26,4 +26,4 @@ def check(problem: Problem) -> Check:
         InputError: what is wrong.
     """
     cell = Cell.of(problem)
-    return Check(problem, cell.arms, doubts(cell))
+    return Check(problem, cell.arms, standing_notes(cell))

@@ -94,6 +94,11 @@ class Meter:
             notes.append(
                 "volume unknown: the equations of motion are singular to working precision"
             )
+        elif ellipsoid is not None and not ellipsoid.contains(np.zeros_like(ellipsoid.center)):
+            notes.append(
+                "rest is outside the shifted ellipsoid: torques of the ball cannot keep the object "
+                "from accelerating"
+            )
         posture = Posture(
             joints={arm.name: vector(q) for arm, q in zip(cell.arms, joints, strict=True)},
             object=place(cell.problem.object.pose, cell.problem.space.planar),

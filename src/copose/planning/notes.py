@@ -9,19 +9,31 @@ import numpy as np
 from copose.planning.cell import Cell
 from copose.poses import Array
 
+# Torque limits from here on, N·m or N, are more than an arm's joint has.
+_HUGE_EFFORT = 1000.0
+
 
 def standing_notes(cell: Cell) -> tuple[str, ...]:
     """Notes that hold for every posture of a cell."""
-    notes = []
-    ungeared = [arm.name for arm in cell.arms if not arm.geared]
-    if ungeared:
-        notes.append(f"gears are ignored: no armature is given for {', '.join(ungeared)}")
-    if cell.system.space.rigid:
+    return (*_unit_notes(cell), *_model_notes(cell))
+
+
+def _unit_notes(cell: Cell) -> list[str]:
+    """What depends on the unit of length, or adds newtons to newton-metres."""
+    space, settings, notes = cell.system.space, cell.problem.ellipsoid, []
+    axes = cell.problem.axes
+    if set(axes) & set(space.linear) and set(axes) & set(space.angular):
         notes.append(
-            "linear and angular accelerations share one ellipsoid: its radii, and with them the "
-            "Moore–Penrose load distribution, depend on the unit of length"
+            "linear and angular accelerations share the ellipsoid: its semi-axes, worst-direction "
+            "and isotropy depend on the unit of length; axes of one kind do not"
         )
-    else:
+    shared = space.rigid and len(cell.arms) > 1 and cell.resolution.name == "pseudoinverse"
+    if shared and settings.load_distribution == "moore-penrose":
+        notes.append(
+            "the Moore–Penrose load distribution mixes forces with moments: the best posture "
+            "depends on the unit of length; load_distribution = 'nonsqueezing' does not"
+        )
+    if not space.rigid:
         notes.append(
             "contacts transmit forces only: the ellipsoid ignores the moments that they exert on "
             "the object, which may spin"
@@ -32,9 +44,35 @@ def standing_notes(cell: Cell) -> tuple[str, ...]:
         for joint in arm.joints
         if joint.kind == "prismatic"
     ]
-    if sliding:
-        notes.append(f"unit torques count 1 N like 1 N·m at the prismatic joint {sliding[0]}")
-    return tuple(notes)
+    if sliding and settings.torque_scaling == "unit":
+        notes.append(
+            f"unit torques count 1 N like 1 N·m at the prismatic joint {sliding[0]}; "
+            "torque_scaling = 'limits' does not"
+        )
+    return notes
+
+
+def _model_notes(cell: Cell) -> list[str]:
+    """What the robots' files leave out or may have wrong."""
+    notes = []
+    ungeared = [arm.name for arm in cell.arms if not arm.geared]
+    if ungeared:
+        notes.append(f"gears are ignored: no armature is given for {', '.join(ungeared)}")
+    for arm in cell.arms:
+        notes += [
+            f"joint {joint.name!r} of arm {arm.name!r} is locked at {joint.position:g}, outside "
+            f"its limits {joint.lower:g} … {joint.upper:g}"
+            for joint in arm.locked
+            if not joint.lower - 1e-6 <= joint.position <= joint.upper + 1e-6
+        ]
+        efforts = {joint.effort for joint in arm.joints}
+        doubtful = max(efforts) >= _HUGE_EFFORT or (len(efforts) == 1 and arm.n > 3)
+        if cell.problem.ellipsoid.torque_scaling == "limits" and doubtful:
+            notes.append(
+                f"the torque limits of arm {arm.name!r} look like placeholders: "
+                + ", ".join(f"{joint.effort:g}" for joint in arm.joints)
+            )
+    return notes
 
 
 def margin_notes(cell: Cell, joints: Sequence[Array]) -> tuple[str, ...]:
@@ -45,16 +83,3 @@ def margin_notes(cell: Cell, joints: Sequence[Array]) -> tuple[str, ...]:
         for arm, q, lower, upper in parts
         if np.any((q < lower) | (q > upper))
     )
-
-
-def doubts(cell: Cell) -> tuple[str, ...]:
-    """What else is doubtful about a problem, for `check`."""
-    notes = []
-    for arm in cell.arms:
-        notes += [
-            f"joint {joint.name!r} of arm {arm.name!r} is locked at {joint.position:g}, outside "
-            f"its limits {joint.lower:g} … {joint.upper:g}"
-            for joint in arm.locked
-            if not joint.lower - 1e-6 <= joint.position <= joint.upper + 1e-6
-        ]
-    return (*standing_notes(cell), *notes)

@@ -226,7 +226,7 @@ def _failures(polished: Polished, starts: int) -> tuple[str, ...]:
 
 
 def _why(program: PostureProgram, polished: Polished, before: Measurement) -> str:
-    if before.notes:
+    if before.ellipsoid is None and before.notes:
         return before.notes[0]
     if not polished.failures:
         return "no local optimum passed its own check of closure and objective"

@@ -10,6 +10,7 @@ from pathlib import Path
 from copose.errors import InputError
 from copose.problem import SPACES
 from copose.report import style
+from copose.report.comparing import Comparison
 from copose.results import Solution, write_file
 
 FORMATS = (".png", ".pdf", ".svg")
@@ -34,6 +35,10 @@ def picture(solution: Solution, kind: str) -> bytes:
         solution: with at least one posture.
         kind: png, pdf or svg.
     """
+    return _rendered(style.panels(solution), style.heading(solution), kind)
+
+
+def _rendered(panels: list[style.Panel], heading: str, kind: str) -> bytes:
     import matplotlib
 
     from copose.report.planar import planar_figure
@@ -46,8 +51,8 @@ def picture(solution: Solution, kind: str) -> bytes:
     with matplotlib.rc_context(style.RC), warnings.catch_warnings():
         # A name in a script that the font lacks is drawn as boxes; that is all there is to say.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        planar = SPACES[solution.problem.space].planar
-        figure = planar_figure(solution) if planar else spatial_figure(solution)
+        planar = SPACES[panels[0].solution.problem.space].planar
+        figure = planar_figure(panels, heading) if planar else spatial_figure(panels, heading)
         sink = io.BytesIO()
         figure.savefig(sink, format=kind, dpi=120, facecolor="white", metadata=metadata)
     return sink.getvalue()
@@ -64,3 +69,28 @@ def draw(solution: Solution, path: str | Path) -> None:
     if not style.panels(solution):
         raise InputError(f"no posture to draw: {solution.reason}")
     write_file(file, picture(solution, file.suffix.lower()[1:]))
+
+
+def draw_comparison(comparison: Comparison, path: str | Path) -> None:
+    """Draw two results' postures side by side, each with the other's ellipsoid as an outline.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    file = Path(path)
+    check_format(file)
+    one, other = comparison.solutions
+    overlaid = comparison.same_ellipsoid
+    panels = [
+        style.Panel(name, mine, solution, theirs if overlaid else None)
+        for name, solution, mine, theirs in zip(
+            comparison.names,
+            comparison.solutions,
+            comparison.postures,
+            comparison.postures[::-1],
+            strict=True,
+        )
+    ]
+    names = dict.fromkeys([one.problem.name, other.problem.name])
+    heading = " and ".join(style.short(name, 40) for name in names)
+    write_file(file, _rendered(panels, heading, file.suffix.lower()[1:]))

@@ -9,11 +9,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 from matplotlib.transforms import ScaledTranslation
 
-from copose.capability import Ellipsoid
 from copose.poses import Array
 from copose.problem import SPACES
 from copose.report import style
-from copose.results import EllipsoidRecord, Posture, Solution
+from copose.report.slices import Slice, all_coordinates, angular_slice, linear_slice
+from copose.report.style import Panel
+from copose.results import Posture, Solution
 
 # The longest semi-axis drawn, as a share of the scene's larger side.
 _ELLIPSE_SHARE = 0.3
@@ -21,15 +22,17 @@ _ELLIPSE_SHARE = 0.3
 _PANEL = 4.6
 
 
-def planar_figure(solution: Solution) -> Figure:
+def planar_figure(panels: list[Panel], heading: str) -> Figure:
     """Postures side by side at one scale, with every arm's own ellipse and the system's."""
-    panels = style.panels(solution)
-    low, high = _extent(solution, [posture for _, posture in panels])
+    solution = panels[0].solution
+    low, high = _extent(panels)
     size = float((high - low).max())
-    longest = max((float(e.radii[0]) for _, p in panels for e in _ellipses(p, solution)), default=1)
-    scale = _ELLIPSE_SHARE * size / longest
-    for _, posture in panels:
-        low, high = _grown(low, high, posture, solution, scale)
+    placed = [_placed(panel) for panel in panels]
+    radii = [float(part.ellipsoid.radii[0]) for parts in placed for _, part, _ in parts]
+    scale = _ELLIPSE_SHARE * size / max(radii, default=1.0)
+    for center, part, _ in (item for parts in placed for item in parts):
+        curve = center + scale * part.surface[..., :2]
+        low, high = np.minimum(low, curve.min(axis=0)), np.maximum(high, curve.max(axis=0))
     # A flat scene still needs a frame to be read in.
     least = 0.4 * float((high - low).max())
     margin = 0.04 * size + np.maximum(least - (high - low), 0.0) / 2
@@ -43,60 +46,62 @@ def planar_figure(solution: Solution) -> Figure:
     tall = min(_PANEL * height / width + above, 7.5) + below
     figure = Figure(figsize=(wide, tall))
     axes = figure.subplots(1, len(panels), squeeze=False, sharex=True, sharey=True)[0]
-    for ax, (name, posture) in zip(axes, panels, strict=True):
-        _scene(ax, posture, solution, scale)
-        ax.set_title(_title(name, posture, solution), loc="left")
+    for ax, panel, parts in zip(axes, panels, placed, strict=True):
+        _scene(ax, panel.posture, panel.solution)
+        _ellipses(ax, panel, parts, scale)
+        ax.set_title(_title(panel), loc="left")
         ax.set_xlim(low[0], high[0])
         ax.set_ylim(low[1], high[1])
         ax.set_aspect("equal")
         ax.set_xlabel("x, m")
     axes[0].set_ylabel("y, m")
-    if any(_ellipses(posture, solution) for _, posture in panels):
-        _scale_bar(axes[-1], low, high, scale)
-    figure.suptitle(
-        style.heading(solution), fontweight="bold", x=0.02, y=1 - 0.1 / tall, ha="left", va="top"
-    )
+    if radii:
+        _scale_bar(axes[-1], low, high, scale, style.units(solution)[0])
+    figure.suptitle(heading, fontweight="bold", x=0.02, y=1 - 0.1 / tall, ha="left", va="top")
     handles, labels = axes[0].get_legend_handles_labels()
-    if any(_ellipses(posture, solution) for _, posture in panels):
+    if radii:
         handles.append(Line2D([], [], color=style.INK, linewidth=1.4, linestyle="--"))
         labels.append("each arm alone, at its tip")
+    if any(panel.other is not None for panel in panels):
+        handles.append(Line2D([], [], color=style.INK, linewidth=1.4, linestyle=":"))
+        labels.append("the other one's")
     figure.legend(handles, labels, loc="lower center", ncols=columns, frameon=False)
     figure.tight_layout(rect=(0, (below - 0.1) / tall, 1, 1 - 0.3 / tall))
     return figure
 
 
-def _title(name: str, posture: Posture, solution: Solution) -> str:
-    record = posture.ellipsoid
-    if record.log_volume is None:
-        if name == "nearest miss":
-            gap = max(posture.closure_error.values())
-            unit = "m or rad" if SPACES[solution.problem.space].rigid else "m"
-            return f"{name}: gap {gap:.3g} {unit}"
-        return f"{name}: {style.measure_word(solution.problem.space)} 0"
-    text = f"{name}: log-volume {record.log_volume:.3f}"
-    linear = _linear(record, solution)
-    if linear is not None:
-        text += f"\nsemi-axes {style.numbers(tuple(linear.radii))} {style.LINEAR_UNIT}"
-    space = SPACES[solution.problem.space]
-    if space.angular and record.value is not None:
-        turn = record.value.sliced(space.angular)
-        text += f"\nturning {style.numbers(tuple(turn.radii))} {style.ANGULAR_UNIT}"
+def _title(panel: Panel) -> str:
+    name, posture, solution = panel.name, panel.posture, panel.solution
+    if name == style.MISS:
+        gap = max(posture.closure_error.values())
+        unit = "m or rad" if SPACES[solution.problem.space].rigid else "m"
+        return f"{name}: gap {gap:.3g} {unit}"
+    text = f"{name}: {style.value_words(solution, posture)}"
+    parts = linear_slice, angular_slice
+    for word, part, unit in zip(
+        ("semi-axes", "turning"), parts, style.units(solution), strict=True
+    ):
+        found = part(posture.ellipsoid, solution.problem.axes)
+        if found is not None:
+            text += f"\n{word} {style.numbers(tuple(found.ellipsoid.radii))} {unit}"
     return text
 
 
-def _linear(record: EllipsoidRecord, solution: Solution) -> Ellipsoid | None:
-    """The slice that can be drawn in the plane: no angular acceleration."""
-    ellipsoid = record.value
-    return None if ellipsoid is None else ellipsoid.sliced(SPACES[solution.problem.space].linear)
+def _placed(panel: Panel) -> list[tuple[Array, Slice, str | None]]:
+    """Centre, slice and arm of the ellipses of a posture; the system's has no arm."""
+    posture, solution = panel.posture, panel.solution
+    found: list[tuple[Array, Slice, str | None]] = []
+    for name, arm in posture.arms.items():
+        own = linear_slice(arm.ellipsoid, all_coordinates(solution))
+        if own is not None and posture.closure_error[name] <= style.OPEN:
+            found.append((np.array(arm.skeleton[-1][:2]), own, name))
+    whole = linear_slice(posture.ellipsoid, solution.problem.axes)
+    if whole is not None:
+        found.append((np.array(posture.object.position), whole, None))
+    return found
 
 
-def _ellipses(posture: Posture, solution: Solution) -> list[Ellipsoid]:
-    records = [posture.ellipsoid, *(arm.ellipsoid for arm in posture.arms.values())]
-    slices = [_linear(record, solution) for record in records]
-    return [ellipse for ellipse in slices if ellipse is not None]
-
-
-def _scene(ax: Axes, posture: Posture, solution: Solution, scale: float) -> None:
+def _scene(ax: Axes, posture: Posture, solution: Solution) -> None:
     ax.grid(True, color="#EEEEEE", linewidth=0.8)
     ax.set_axisbelow(True)
     center = np.array(posture.object.position)
@@ -105,10 +110,9 @@ def _scene(ax: Axes, posture: Posture, solution: Solution, scale: float) -> None
         ax.add_patch(
             Polygon(outline, facecolor=style.OBJECT, edgecolor=style.INK, linewidth=1, zorder=2)
         )
-    colors = dict(zip(posture.arms, style.ARMS * len(posture.arms), strict=False))
-    for name, arm in posture.arms.items():
+    for name, color in style.arm_colors(posture).items():
+        arm = posture.arms[name]
         points = np.array(arm.skeleton)[:, :2]
-        color = colors[name]
         ax.plot(*points.T, color=color, linewidth=5, solid_capstyle="round",
                 solid_joinstyle="round", alpha=0.85, zorder=3,
                 label=f"arm {style.short(name)}")  # fmt: skip
@@ -120,24 +124,27 @@ def _scene(ax: Axes, posture: Posture, solution: Solution, scale: float) -> None
             gap = np.array([points[-1], arm.grasp[:2]])
             ax.plot(*gap.T, color=style.INK, linewidth=1.2, linestyle=":", zorder=5)
             ax.plot(*gap[1], marker="x", markersize=8, color=style.INK, zorder=6)
-            continue
-        ellipse = _linear(arm.ellipsoid, solution)
-        if ellipse is not None:
-            curve = points[-1] + scale * _curve(ellipse)
-            ax.plot(*curve.T, color=color, linewidth=1.4, linestyle="--", zorder=4)
-    ellipse = _linear(posture.ellipsoid, solution)
     ax.add_patch(Circle(tuple(center), 0.008, color=style.INK, zorder=6))
-    if ellipse is not None:
-        curve = center + scale * _curve(ellipse)
+
+
+def _ellipses(
+    ax: Axes, panel: Panel, parts: list[tuple[Array, Slice, str | None]], scale: float
+) -> None:
+    colors = style.arm_colors(panel.posture)
+    if panel.other is not None:
+        other = linear_slice(panel.other.ellipsoid, panel.solution.problem.axes)
+        if other is not None:
+            curve = np.array(panel.posture.object.position) + scale * other.surface[..., :2]
+            ax.plot(*curve.T, color=style.INK, linewidth=1.4, linestyle=":", zorder=6)
+    for center, part, name in parts:
+        curve = center + scale * part.surface[..., :2]
+        if name is not None:
+            ax.plot(*curve.T, color=colors[name], linewidth=1.4, linestyle="--", zorder=4)
+            continue
         ax.fill(*curve.T, color=style.SYSTEM, alpha=0.25, zorder=4)
         ax.plot(
             *curve.T, color=style.SYSTEM, linewidth=2.2, zorder=6, label="together, at the object"
         )
-
-
-def _curve(ellipse: Ellipsoid) -> Array:
-    angle = np.linspace(0, 2 * np.pi, 181)
-    return ellipse.boundary(np.column_stack([np.cos(angle), np.sin(angle)]))
 
 
 def _outline(posture: Posture, solution: Solution) -> Array | None:
@@ -155,7 +162,8 @@ def _outline(posture: Posture, solution: Solution) -> Array | None:
     return np.asarray(center + corners @ np.array([[c, s], [-s, c]]))
 
 
-def _extent(solution: Solution, postures: list[Posture]) -> tuple[Array, Array]:
+def _extent(panels: list[Panel]) -> tuple[Array, Array]:
+    solution, postures = panels[0].solution, [panel.posture for panel in panels]
     points = [np.array([*a.skeleton, a.grasp])[:, :2] for p in postures for a in p.arms.values()]
     points += [o for p in postures if (o := _outline(p, solution)) is not None]
     points += [np.array([p.object.position]) for p in postures]
@@ -163,22 +171,7 @@ def _extent(solution: Solution, postures: list[Posture]) -> tuple[Array, Array]:
     return stacked.min(axis=0), stacked.max(axis=0)
 
 
-def _grown(
-    low: Array, high: Array, posture: Posture, solution: Solution, scale: float
-) -> tuple[Array, Array]:
-    """The extent with the posture's ellipses in it."""
-    placed: list[tuple[tuple[float, ...], EllipsoidRecord]]
-    placed = [(posture.object.position, posture.ellipsoid)]
-    placed += [(arm.skeleton[-1][:2], arm.ellipsoid) for arm in posture.arms.values()]
-    for center, record in placed:
-        ellipse = _linear(record, solution)
-        if ellipse is not None:
-            curve = np.array(center) + scale * _curve(ellipse)
-            low, high = np.minimum(low, curve.min(axis=0)), np.maximum(high, curve.max(axis=0))
-    return low, high
-
-
-def _scale_bar(ax: Axes, low: Array, high: Array, scale: float) -> None:
+def _scale_bar(ax: Axes, low: Array, high: Array, scale: float, unit: str) -> None:
     """How long an acceleration per torque is drawn, below the scene's right corner."""
     value = style.round_scale(0.3 * float(high[0] - low[0]) / scale)
     down = ScaledTranslation(0, -38 / 72, ax.get_figure().dpi_scale_trans)  # type: ignore[union-attr]
@@ -186,6 +179,6 @@ def _scale_bar(ax: Axes, low: Array, high: Array, scale: float) -> None:
     ends = np.array([high[0] - value * scale, high[0]])
     ax.plot(ends, [0, 0], transform=below, color=style.INK, linewidth=2.5, clip_on=False)
     ax.annotate(
-        f"{value:g} {style.LINEAR_UNIT}", (high[0], 0), xycoords=below, xytext=(0, -5),
+        f"{value:g} {unit}", (high[0], 0), xycoords=below, xytext=(0, -5),
         textcoords="offset points", ha="right", va="top", fontsize=9,
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -11,11 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from copose.capability import Ellipsoid
 from copose.poses import Array, rotation_rows
 from copose.problem import SPACES
 from copose.report import style
-from copose.results import Posture, Solution
+from copose.report.slices import Slice, angular_slice, linear_slice
+from copose.report.style import Panel
+from copose.results import EllipsoidRecord, Posture, Solution
 
 # The longest semi-axis drawn, and how high the angular slice floats, as shares of the scene.
 _ELLIPSE_SHARE = 0.18
@@ -23,107 +25,110 @@ _LIFT = 0.42
 
 
 @dataclass(frozen=True)
-class _Slice:
-    """One coordinate slice of the ellipsoids and how it is drawn."""
+class _Kind:
+    """One kind of slices and how all of them are drawn."""
 
-    kind: str
-    rows: tuple[int, ...]
+    name: str
+    part: Callable[[EllipsoidRecord, Sequence[str]], Slice | None]
+    axes: tuple[str, ...]
     color: str
     unit: str
     scale: float
     lift: float
 
-    def of(self, posture: Posture) -> Ellipsoid | None:
-        ellipsoid = posture.ellipsoid.value
-        return None if ellipsoid is None else ellipsoid.sliced(self.rows)
+    def of(self, posture: Posture) -> Slice | None:
+        return self.part(posture.ellipsoid, self.axes)
 
     def center(self, posture: Posture) -> Array:
         return np.asarray(posture.object.position + np.array([0.0, 0.0, self.lift]))
 
 
-def spatial_figure(solution: Solution) -> Figure:
+def spatial_figure(panels: list[Panel], heading: str) -> Figure:
     """Scenes with the ellipsoid's linear and angular slices, and their semi-axes as bars."""
-    panels = style.panels(solution)
-    postures = [posture for _, posture in panels]
-    slices = _slices(solution, postures)
-    figure = Figure(figsize=(11, 8.2 if slices else 6.2))
+    solution, postures = panels[0].solution, [panel.posture for panel in panels]
+    kinds = _kinds(solution, postures)
+    figure = Figure(figsize=(11, 8.2 if kinds else 6.2))
     grid = figure.add_gridspec(
-        2 if slices else 1, 2 * len(panels), height_ratios=[3.6, 1] if slices else [1],
+        2 if kinds else 1, 2 * len(panels), height_ratios=[3.6, 1] if kinds else [1],
         left=0.03, right=0.94, bottom=0.06, top=0.88, hspace=0.16, wspace=0.3,
     )  # fmt: skip
-    low, high = _extent(postures, solution, slices)
-    for k, (name, posture) in enumerate(panels):
+    low, high = _extent(postures, solution, kinds)
+    for k, panel in enumerate(panels):
         ax: Any = figure.add_subplot(grid[0, 2 * k : 2 * k + 2], projection="3d")
-        _scene(ax, posture, solution, low, high)
-        for piece in slices:
-            _draw_slice(ax, posture, piece)
-        ax.set_title(_title(name, posture, solution), loc="left", y=0.99)
-    span = 2 * len(panels) // max(len(slices), 1)
-    for k, piece in enumerate(slices):
+        _scene(ax, panel.posture, panel.solution, low, high)
+        for kind in kinds:
+            _draw_slice(ax, panel.posture, kind)
+            if panel.other is not None:
+                _draw_slice(ax, panel.other, kind, outline=True)
+        ax.set_title(_title(panel), loc="left", y=0.99)
+    span = 2 * len(panels) // max(len(kinds), 1)
+    for k, kind in enumerate(kinds):
         bars = figure.add_subplot(grid[1, span * k : span * (k + 1)])
-        _bars(bars, panels, piece)
-    figure.suptitle(style.heading(solution), fontweight="bold", x=0.02, y=0.985, ha="left")
-    for k, piece in enumerate(slices):
-        value = style.round_scale(0.2 / piece.scale)
-        where = ", lifted above the object" if piece.lift else " at the object"
-        drawn = f"{value * piece.scale:.2g} m drawn = {value:g} {piece.unit}"
+        _bars(bars, panels, kind)
+    figure.suptitle(heading, fontweight="bold", x=0.02, y=0.985, ha="left")
+    for k, kind in enumerate(kinds):
+        value = style.round_scale(0.2 / kind.scale)
+        where = ", lifted above the object" if kind.lift else " at the object"
+        drawn = f"{value * kind.scale:.2g} m drawn = {value:g} {kind.unit}"
         figure.text(
             0.02, 0.935 - 0.024 * k,
-            f"{piece.kind} slice{where}: {drawn}", fontsize=9.5, color=piece.color,
+            f"{kind.name} slice{where}: {drawn}", fontsize=9.5, color=kind.color,
         )  # fmt: skip
     return figure
 
 
-def _slices(solution: Solution, postures: list[Posture]) -> list[_Slice]:
-    """The slices that the postures have, at one scale for all of them."""
-    space = SPACES[solution.problem.space]
+def _kinds(solution: Solution, postures: list[Posture]) -> list[_Kind]:
+    """The slices that the postures have, each kind at one scale for all of them."""
     low, high = _extent(postures, solution, [])
     size = float((high - low).max())
-    kinds = [
-        ("linear", space.linear, style.SYSTEM, style.LINEAR_UNIT, 0.0),
-        ("angular", space.angular, style.ANGULAR, style.ANGULAR_UNIT, _LIFT * size),
-    ]
-    slices = []
-    for kind, rows, color, unit, lift in kinds:
-        ellipsoids = [p.ellipsoid.value for p in postures]
-        radii = [float(e.sliced(rows).radii[0]) for e in ellipsoids if e is not None and rows]
+    linear, angular = style.units(solution)
+    axes = solution.problem.axes
+    kinds: list[_Kind] = []
+    for name, part, color, unit in (
+        ("linear", linear_slice, style.SYSTEM, linear),
+        ("angular", angular_slice, style.ANGULAR, angular),
+    ):
+        found = [part(posture.ellipsoid, axes) for posture in postures]
+        radii = [float(each.ellipsoid.radii[0]) for each in found if each is not None]
         if radii:
-            slices.append(_Slice(kind, rows, color, unit, _ELLIPSE_SHARE * size / max(radii), lift))
-    return slices
+            # Where both are drawn the angular one floats above the other.
+            lift = _LIFT * size if kinds else 0.0
+            scale = _ELLIPSE_SHARE * size / max(radii)
+            kinds.append(_Kind(name, part, axes, color, unit, scale, lift))
+    return kinds
 
 
-def _title(name: str, posture: Posture, solution: Solution) -> str:
-    record = posture.ellipsoid
-    if record.log_volume is not None:
-        return f"{name}: log-volume {record.log_volume:.3f}"
-    unit = "m or rad" if SPACES[solution.problem.space].rigid else "m"
-    if name == "nearest miss":
+def _title(panel: Panel) -> str:
+    name, posture, solution = panel.name, panel.posture, panel.solution
+    if name == style.MISS:
+        unit = "m or rad" if SPACES[solution.problem.space].rigid else "m"
         return f"{name}: gap {max(posture.closure_error.values()):.3g} {unit}"
-    return f"{name}: volume 0"
+    return f"{name}: {style.value_words(solution, posture)}"
 
 
-def _bars(ax: Axes, panels: list[tuple[str, Posture]], piece: _Slice) -> None:
-    places = np.arange(len(piece.rows))
+def _bars(ax: Axes, panels: list[Panel], kind: _Kind) -> None:
     width = 0.8 / len(panels)
-    top = 0.0
-    for k, (name, posture) in enumerate(panels):
-        ellipsoid = piece.of(posture)
-        radii = ellipsoid.radii if ellipsoid is not None else np.zeros(len(piece.rows))
+    top, count = 0.0, 1
+    for k, panel in enumerate(panels):
+        part = kind.of(panel.posture)
+        if part is None:
+            continue
+        radii = part.ellipsoid.radii
+        count, top = len(radii), max(top, float(radii.max()))
         drawn = ax.bar(
-            places + (k - (len(panels) - 1) / 2) * width, radii, width * 0.92,
-            color=style.BEFORE if name == "before" else piece.color, label=name,
+            np.arange(count) + (k - (len(panels) - 1) / 2) * width, radii, width * 0.92,
+            color=style.BEFORE if k + 1 < len(panels) else kind.color, label=panel.name,
         )  # fmt: skip
         ax.bar_label(drawn, fmt="%.3g", fontsize=9, padding=1)
-        top = max(top, float(radii.max()))
-    ax.set_xticks(places, ["longest", "middle", "shortest"][: len(piece.rows)])
+    words = {1: [""], 2: ["longest", "shortest"], 3: ["longest", "middle", "shortest"]}
+    ax.set_xticks(np.arange(count), words[count])
     ax.set_ylim(0, top * 1.25)
     ax.set_yticks([])
     for side in ("top", "right", "left"):
         ax.spines[side].set_visible(False)
     if len(panels) > 1:
         ax.legend(frameon=False, fontsize=9)
-    ax.set_title(f"semi-axes of the {piece.kind} slice, {piece.unit}", fontsize=10,
-                 color=piece.color)  # fmt: skip
+    ax.set_title(f"semi-axes of the {kind.name} slice, {kind.unit}", fontsize=10, color=kind.color)
 
 
 def _scene(ax: Any, posture: Posture, solution: Solution, low: Array, high: Array) -> None:
@@ -133,7 +138,7 @@ def _scene(ax: Any, posture: Posture, solution: Solution, low: Array, high: Arra
         ax.add_collection3d(face)
     center = np.array(posture.object.position)
     ax.plot(*center[:, None], marker="o", markersize=4, color=style.INK)
-    for name, color in zip(posture.arms, style.ARMS * len(posture.arms), strict=False):
+    for name, color in style.arm_colors(posture).items():
         points = np.array(posture.arms[name].skeleton)
         ax.plot(*points.T, color=color, linewidth=4, solid_capstyle="round",
                 solid_joinstyle="round", label=f"arm {style.short(name)}")  # fmt: skip
@@ -160,25 +165,25 @@ def _scene(ax: Any, posture: Posture, solution: Solution, low: Array, high: Arra
     ax.legend(loc="upper right", frameon=False, fontsize=9)
 
 
-def _draw_slice(ax: Any, posture: Posture, piece: _Slice) -> None:
-    ellipsoid = piece.of(posture)
-    if ellipsoid is None:
+def _draw_slice(ax: Any, posture: Posture, kind: _Kind, outline: bool = False) -> None:
+    part = kind.of(posture)
+    if part is None:
         return
-    around, down = np.linspace(0, 2 * np.pi, 33), np.linspace(0, np.pi, 17)
-    sphere = np.stack(
-        [
-            np.outer(np.cos(around), np.sin(down)),
-            np.outer(np.sin(around), np.sin(down)),
-            np.outer(np.ones_like(around), np.cos(down)),
-        ],
-        axis=-1,
-    )
-    center = piece.center(posture)
-    x, y, z = np.moveaxis(center + piece.scale * ellipsoid.boundary(sphere), -1, 0)
-    ax.plot_surface(x, y, z, color=piece.color, alpha=0.45, linewidth=0, rstride=1, cstride=1)
-    if piece.lift:
+    center = kind.center(posture)
+    points = center + kind.scale * part.surface
+    if points.ndim == 3:
+        grid = np.moveaxis(points, -1, 0)
+        if outline:
+            ax.plot_wireframe(*grid, color=style.INK, linewidth=0.5, rstride=4, cstride=4)
+            return
+        ax.plot_surface(*grid, color=kind.color, alpha=0.45, linewidth=0, rstride=1, cstride=1)
+    else:
+        ax.plot(*points.T, color=style.INK if outline else kind.color, linewidth=2.5)
+        face = Poly3DCollection([points], facecolor=kind.color, alpha=0.3)
+        ax.add_collection3d(face)
+    if kind.lift:
         stem = np.array([posture.object.position, center])
-        ax.plot(*stem.T, color=piece.color, linewidth=1, linestyle=":")
+        ax.plot(*stem.T, color=kind.color, linewidth=1, linestyle=":")
 
 
 def _faces(posture: Posture, solution: Solution) -> list[Array]:
@@ -224,19 +229,16 @@ def _tube(radii: Array, heights: Array) -> list[Array]:
     return faces
 
 
-def _extent(
-    postures: list[Posture], solution: Solution, slices: list[_Slice]
-) -> tuple[Array, Array]:
+def _extent(postures: list[Posture], solution: Solution, kinds: list[_Kind]) -> tuple[Array, Array]:
     points = [np.array([*a.skeleton, a.grasp]) for p in postures for a in p.arms.values()]
     points += [np.vstack(faces) for p in postures if (faces := _faces(p, solution))]
     points += [np.array([p.object.position]) for p in postures]
-    for piece in slices:
+    for kind in kinds:
         for posture in postures:
-            ellipsoid = piece.of(posture)
-            if ellipsoid is not None:
-                reach = piece.scale * np.array([ellipsoid.support(axis) for axis in np.eye(3)])
-                center = piece.center(posture)
-                points.append(np.array([center - reach, center + reach]))
+            part = kind.of(posture)
+            if part is not None:
+                surface = kind.center(posture) + kind.scale * part.surface
+                points.append(surface.reshape(-1, 3))
     stacked = np.vstack(points)
     low, high = stacked.min(axis=0), stacked.max(axis=0)
     size = float((high - low).max())

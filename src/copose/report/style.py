@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
-from copose.problem import SPACES
 from copose.results import Posture, Solution
 
 SYSTEM = "#D55E00"
 ANGULAR = "#8B3A8B"
 ARMS = ("#0072B2", "#009E73", "#E69F00", "#56B4E9", "#666666", "#CC79A7", "#999933", "#332288")
+MISS = "nearest miss"
 OBJECT = "#BBBBBB"
 INK = "#222222"
 BEFORE = "#9A9A9A"
@@ -33,24 +34,61 @@ RC: Any = {
 # A tip farther than this from its grasp, m or rad, does not hold the object.
 OPEN = 1e-6
 
-LINEAR_UNIT = "m/s² per N·m"
-ANGULAR_UNIT = "rad/s² per N·m"
+
+def units(solution: Solution) -> tuple[str, str]:
+    """Units of linear and of angular semi-axes: per unit torque, or at the torque limits."""
+    per = "" if solution.problem.torque_scaling == "limits" else " per N·m"
+    return f"m/s²{per}", f"rad/s²{per}"
 
 
-def panels(solution: Solution) -> list[tuple[str, Posture]]:
-    """The postures to draw, with what they are called."""
+@dataclass(frozen=True)
+class Panel:
+    """One posture of a picture.
+
+    Attributes:
+        name: what it is called.
+        posture: what is drawn.
+        solution: whose it is.
+        other: a posture whose ellipsoid is drawn as an outline beside this one's.
+    """
+
+    name: str
+    posture: Posture
+    solution: Solution
+    other: Posture | None = None
+
+
+def panels(solution: Solution) -> list[Panel]:
+    """The postures of a result, with what they are called."""
     if solution.before is None and solution.after is not None:
-        return [("posture", solution.after)]
-    named = (("before", solution.before), ("after", solution.after))
-    found = [(name, posture) for name, posture in named if posture is not None]
-    if solution.nearest_miss is not None:
-        found.append(("nearest miss", solution.nearest_miss))
-    return found
+        return [Panel("posture", solution.after, solution)]
+    named = (
+        ("before", solution.before),
+        ("after", solution.after),
+        (MISS, solution.nearest_miss),
+    )
+    return [Panel(name, posture, solution) for name, posture in named if posture is not None]
 
 
-def measure_word(space: str) -> str:
-    """What the content of an ellipsoid in a space is called."""
-    return "area" if SPACES[space].m == 2 else "volume"
+def measure_word(solution: Solution) -> str:
+    """What the content of a result's ellipsoid is called."""
+    return {1: "length", 2: "area"}.get(len(solution.problem.axes), "volume")
+
+
+def value_words(solution: Solution, posture: Posture) -> str:
+    """A posture's objective where it is not the volume, else its log-volume."""
+    objective = solution.objective
+    value = objective.before if posture is solution.before else objective.after
+    if objective.kind == "volume" or value is None:
+        volume = posture.ellipsoid.log_volume
+        return f"{measure_word(solution)} 0" if volume is None else f"log-volume {volume:.3f}"
+    unit = "" if objective.unit in ("1", "log") else f" {objective.unit}"
+    return f"{objective.kind} {value:.4g}{unit}"
+
+
+def arm_colors(posture: Posture) -> dict[str, str]:
+    """A colour for every arm."""
+    return dict(zip(posture.arms, ARMS * len(posture.arms), strict=False))
 
 
 def heading(solution: Solution) -> str:
@@ -80,10 +118,20 @@ def legend_grid(entries: list[str], inches: float) -> tuple[int, int]:
 
 def gain_words(solution: Solution) -> str:
     """A gain in plain words: ``volume ×2.3``; empty where there is none to tell."""
-    if solution.gain is None:
+    before, after = solution.objective.before, solution.objective.after
+    if before is None or after is None:
         return ""
-    ratio = math.exp(solution.gain) if solution.gain < 600 else math.inf
-    return f"{measure_word(solution.problem.space)} ×{ratio:.3g}"
+    if solution.objective.unit == "log":
+        ratio = math.exp(after - before) if after - before < 600 else math.inf
+    else:
+        ratio = after / before if before > 0 else math.inf
+    word = {
+        "volume": measure_word(solution),
+        "task-compatibility": "weighted acceleration",
+        "worst-direction": "shortest semi-axis",
+        "isotropy": "shortest / longest",
+    }[solution.objective.kind]
+    return f"{word} ×{ratio:.3g}"
 
 
 def numbers(values: tuple[float, ...]) -> str:

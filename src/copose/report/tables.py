@@ -8,9 +8,11 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from copose.capability import RESOLUTIONS
 from copose.problem import SPACES
 from copose.report import style
-from copose.results import EllipsoidRecord, Solution
+from copose.report.slices import Slice, angular_slice, linear_slice
+from copose.results import Solution
 from copose.robots import Arm
 
 
@@ -20,7 +22,7 @@ def solution_table(solution: Solution) -> RenderableType:
     said = [solution.status, solution.reason] if solution.reason else [solution.status]
     parts.append(_heading(solution.problem.name, ": ".join(map(str, said))))
     if solution.after is not None:
-        parts += [_numbers(solution), _joints(solution)]
+        parts += [_numbers(solution), _volumes(solution), _joints(solution)]
     parts.append(Text(_evidence(solution)))
     parts += _notes(solution.notes)
     return Group(*parts)
@@ -38,12 +40,7 @@ def _numbers(solution: Solution) -> Table:
     after = solution.after
     assert after is not None
     compared = solution.before is not None
-    table = Table(show_edge=False, pad_edge=False)
-    table.add_column("")
-    if compared:
-        table.add_column("before", justify="right")
-    table.add_column("after" if compared else "posture", justify="right")
-    table.add_column("")
+    table = _compared(solution, "")
 
     def row(name: str, before: str, now: str, words: str = "") -> None:
         table.add_row(*([name, before, now, words] if compared else [name, now, words]))
@@ -51,25 +48,51 @@ def _numbers(solution: Solution) -> Table:
     objective = solution.objective
     name = "log-volume" if objective.kind == "volume" else objective.kind
     row(name, _value(objective.before), _value(objective.after), style.gain_words(solution))
+    before = solution.before
+    axes = solution.problem.axes
+    titles = ("linear semi-axes", "angular semi-axes")
+    kinds = zip(titles, (linear_slice, angular_slice), style.units(solution), strict=True)
+    for title, part, unit in kinds:
+        found = part(after.ellipsoid, axes)
+        if found is not None:
+            was = part(before.ellipsoid, axes) if before is not None else None
+            row(title, _radii(was), _radii(found), unit)
+    if any(after.ellipsoid.center):
+        past = style.numbers(before.ellipsoid.center) if before is not None else ""
+        row("centre, at zero torque", past, style.numbers(after.ellipsoid.center), "")
     space = SPACES[solution.problem.space]
-    slices = [("semi-axes", space.linear, style.LINEAR_UNIT)]
-    if space.rigid:
-        slices = [
-            ("linear semi-axes", space.linear, style.LINEAR_UNIT),
-            ("angular semi-axes", space.angular, style.ANGULAR_UNIT),
-        ]
-    before = solution.before.ellipsoid if solution.before is not None else None
-    for title, rows, unit in slices:
-        row(title, _radii(before, rows), _radii(after.ellipsoid, rows), unit)
     errors = [p.closure_error for p in (solution.before, after) if p is not None]
     closure = [f"{max(error.values()):.1e}" for error in errors]
     row("closure error", closure[0], closure[-1], "m, rad" if space.rigid else "m")
     return table
 
 
-def _radii(record: EllipsoidRecord | None, rows: tuple[int, ...]) -> str:
-    ellipsoid = record.value if record is not None else None
-    return "–" if ellipsoid is None else style.numbers(tuple(ellipsoid.sliced(rows).radii))
+def _volumes(solution: Solution) -> Table:
+    """Both resolutions' volumes, whichever is optimised, and what each assumes."""
+    table = _compared(solution, "log-volume")
+    after, before = solution.after, solution.before
+    assert after is not None
+    for name, volume in after.log_volumes.items():
+        values = [_value(volume)]
+        if before is not None:
+            values.insert(0, _value(before.log_volumes.get(name)))
+        table.add_row(name, *values, RESOLUTIONS[name].assumes)
+    return table
+
+
+def _compared(solution: Solution, title: str) -> Table:
+    """A table with a column for each posture and one for words."""
+    table = Table(show_edge=False, pad_edge=False)
+    table.add_column(title)
+    if solution.before is not None:
+        table.add_column("before", justify="right")
+    table.add_column("after" if solution.before is not None else "posture", justify="right")
+    table.add_column("")
+    return table
+
+
+def _radii(part: Slice | None) -> str:
+    return "–" if part is None else style.numbers(tuple(part.ellipsoid.radii))
 
 
 def _value(value: float | None) -> str:
