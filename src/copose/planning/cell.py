@@ -87,9 +87,13 @@ class Cell:
 
     def wrapped(self, i: int, q: Array) -> Array:
         """Positions of arm i, (..., n), with unlimited revolute joints in (−π, π]."""
-        turns = np.array([joint.kind == "revolute" for joint in self.arms[i].joints])
-        turns &= np.isinf(self.arms[i].lower) & np.isinf(self.arms[i].upper)
-        return np.where(turns, np.pi - np.mod(np.pi - q, 2 * np.pi), q)
+        unlimited = np.isinf(self.arms[i].lower) & np.isinf(self.arms[i].upper)
+        return np.where(unlimited, self.nearest_turn(i, q), q)
+
+    def nearest_turn(self, i: int, q: Array) -> Array:
+        """Positions or differences of arm i, (..., n), with every revolute joint in (−π, π]."""
+        revolute = np.array([joint.kind == "revolute" for joint in self.arms[i].joints])
+        return np.where(revolute, np.pi - np.mod(np.pi - q, 2 * np.pi), q)
 
 
 def _torque_scales(problem: Problem, arms: Sequence[Arm]) -> tuple[Array, ...]:

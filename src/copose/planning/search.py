@@ -181,8 +181,9 @@ def polish(
 
 
 def _distance(cell: Cell, a: Array, b: Array) -> float:
-    """Largest difference of a joint, unlimited joints modulo a turn."""
+    """Largest difference of a joint; a whole turn of a wide joint makes no other posture."""
     parts = zip(cell.system.split(a), cell.system.split(b), strict=True)
     return max(
-        float(np.abs(cell.wrapped(i, one - other)).max()) for i, (one, other) in enumerate(parts)
+        float(np.abs(cell.nearest_turn(i, one - other)).max())
+        for i, (one, other) in enumerate(parts)
     )
