@@ -126,6 +126,21 @@ def test_evaluate_of_an_open_chain_is_three(here: Path, capsys) -> None:
     assert "'a1' misses its grasp by" in capsys.readouterr().err
 
 
+def test_compare_two_results(here: Path, capsys) -> None:
+    for name, kind in (("a", "volume"), ("b", "isotropy")):
+        file = write(here, planar(objective={"kind": kind}), f"{name}.toml")
+        assert main(["solve", file, "-o", name, "--quiet"]) == 0
+    assert main(["compare", "a/result.json", "b/result.json"]) == 0
+    out = capsys.readouterr().out
+    a, b = (json.loads((here / f"{name}/result.json").read_text())["after"] for name in "ab")
+    difference = b["joints"]["a2"][1] - a["joints"]["a2"][1]
+    assert f"{difference:+.4f}" in out and "isotropy" in out and "torque-optimal" in out
+    assert f"{a['ellipsoid']['log_volume']:.6f}" in out
+    assert (here / "compare.png").read_bytes().startswith(b"\x89PNG")
+    assert main(["compare", "a/result.json", "a/result.json", "--quiet", "--figure", "s.svg"]) == 0
+    assert capsys.readouterr().out == "" and (here / "s.svg").exists()
+
+
 def test_check_prints_the_chains(here: Path, capsys) -> None:
     file = next(f for f in FILES if f.stem == "two-panda-box")
     assert main(["check", str(file)]) == 0
@@ -158,6 +173,10 @@ WRONG = [
     (["evaluate", "p.toml", "--joints", "p.toml"], "is no copose result"),
     (["evaluate", "p.toml", "--joints", "miss.json"], "miss.json: after: has no posture"),
     (["evaluate", "p.toml", "--joints", "other.json"], "other.json: joints: no arm is called"),
+    (["compare", "miss.json", "other.json"], "miss.json: after: has no posture"),
+    (["compare", "two.json", "other.json"], "other.json: joint_names: is not that of two.json"),
+    (["compare", "two.json", "nope.json"], "nope.json: no such file"),
+    (["compare", "two.json"], "the following arguments are required: B.json"),
     (["check", "q.toml"], "q.toml: object.mass: -1 must be above zero"),
 ]
 
@@ -177,6 +196,7 @@ def test_wrong_input_is_two_in_one_line_and_leaves_nothing(
     (here / "miss.json").write_text(to_json(copose.solve(copose.parse(out_of_reach()))))
     three = copose.solve(copose.parse(planar(3)))
     (here / "other.json").write_text(to_json(three))
+    (here / "two.json").write_text(to_json(copose.solve(copose.parse(planar()))))
     before = sorted(here.rglob("*"))
     assert main(arguments) == 2
     out, err = capsys.readouterr()

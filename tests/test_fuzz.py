@@ -41,8 +41,21 @@ KINDS = {
 FULL = {
     "constraints": {"joint_margin": 0.05},
     "search": {"seed": 1},
-    "ellipsoid": {"resolution": "pseudoinverse"},
+    "ellipsoid": {"gravity": True},
     "objective": {"kind": "volume"},
+}
+OBJECTIVES = [
+    {"kind": "volume"},
+    {"kind": "volume", "axes": ["x"]},
+    {"kind": "worst-direction"},
+    {"kind": "isotropy", "axes": ["y", "x"]},
+    {"kind": "task-compatibility", "directions": [{"direction": [1.0, 0.5], "weight": -1.0}]},
+]
+ELLIPSOIDS = {
+    "resolution": ["pseudoinverse", "torque-optimal"],
+    "torque_scaling": ["unit", "limits"],
+    "load_distribution": ["moore-penrose", "nonsqueezing"],
+    "gravity": [True, False],
 }
 
 
@@ -68,8 +81,14 @@ def mutated(draw: st.DrawFn) -> dict:
         n = len(arm.get("links", range(7)))
         if draw(st.booleans()):
             arm["start"] = draw(st.lists(st.floats(-3, 3), min_size=n, max_size=n))
+        arm["torque_limits"] = [20.0] * n
         if draw(st.booleans()):
             arm["position_limits"] = [[-2.9, 2.8]] * n
+    cell["objective"] = copy.deepcopy(draw(st.sampled_from(OBJECTIVES)))
+    cell["ellipsoid"] = {key: draw(st.sampled_from(v)) for key, v in ELLIPSOIDS.items()}
+    if draw(st.booleans()):
+        m = {"spatial": 6, "planar-linear": 2}.get(cell["task"]["space"], 3)
+        cell["object"]["velocity"] = draw(st.lists(st.floats(-3, 3), min_size=m, max_size=m))
     gentle = draw(st.booleans())
     for _ in range(draw(st.integers(1, 3))):
         path = draw(st.sampled_from(places(cell)))

@@ -63,7 +63,8 @@ def test_the_first_command_prints_and_draws_what_is_shown(here: Path) -> None:
 
 def test_the_commands_run(here: Path) -> None:
     printed = shell(blocks("sh")[1])
-    assert "panda_joint7" in printed and "log-volume" in printed
+    assert "panda_joint7" in printed and "log-volume" in printed and "difference" in printed
+    assert (here / "compare.png").exists()
     assert (here / "panda.pdf").exists() and (here / "panda/result.json").exists()
 
 
@@ -72,6 +73,14 @@ def test_the_test_command_is_what_ci_runs() -> None:
     assert command == (ROOT / ".ci/run").read_text().splitlines()[-1]
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert "test" in extras["optional-dependencies"] and "robots" in extras["optional-dependencies"]
+
+
+def test_the_remarks_are_what_the_benchmark_counts() -> None:
+    answer = subprocess.run(
+        [sys.executable, ROOT / "benchmarks/paper_remarks.py"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert answer.stdout in README
 
 
 def test_the_problem_file_solves() -> None:
@@ -90,6 +99,6 @@ def test_the_problems_say_what_to_expect() -> None:
         text = file.read_text()
         head = text[: text.index("format = 1")]
         assert head.startswith("# What it shows:") and "# Expect:" in head.replace("\n#\n", "\n")
-        values = [float(x) for x in re.findall(r"-?\d\.\d{3,6}\b", head.split("# Expect:")[1])]
+        values = [float(x) for x in re.findall(r"-?\d+\.\d{3,6}\b", head.split("# Expect:")[1])]
         best = copose.solve(copose.load(file)).objective.after
         assert any(abs(value - best) < 6e-4 for value in values), file
