@@ -315,3 +315,15 @@ class Problem:
         }[self.space]
         axes = [names.index(a) for a in self.tables.get("objective", {}).get("axes", names)]
         return factor[:, axes], center[axes]
+
+    def own_factor(self, name: str, joints: dict) -> np.ndarray:
+        """A factor of the Gram matrix of one arm alone at its tip."""
+        settings = self.tables.get("ellipsoid", {})
+        index = list(self.arms).index(name)
+        counts = [len(joints[arm]) for arm in self.arms]
+        T = np.split(self.limits(), np.cumsum(counts)[:-1])[index]
+        _, J, M, _ = self.arms[name].at(np.array(joints[name]))
+        J = J[self.rows]
+        if settings.get("resolution", "pseudoinverse") == "pseudoinverse":
+            return M @ np.linalg.pinv(J) / T[:, None]
+        return np.linalg.inv(np.linalg.qr((J @ np.linalg.inv(M) * T).T)[1]).T
