@@ -1,19 +1,11 @@
 """What is asked: a problem file as frozen, validated data."""
 
+from copose.problem.aims import TaskCompatibilityObjective
+from copose.problem.arms import ArmSpec, PlanarArm, UrdfArm
+from copose.problem.objects import PlanarObject, Shape, SpatialObject
 from copose.problem.reading import load, parse, read_text
 from copose.problem.spaces import SPACES, Space, SpaceName
-from copose.problem.spec import (
-    ArmSpec,
-    PlanarArm,
-    PlanarObject,
-    PlanarProblem,
-    Problem,
-    Shape,
-    SpatialObject,
-    SpatialProblem,
-    TaskCompatibilityObjective,
-    UrdfArm,
-)
+from copose.problem.spec import PlanarProblem, Problem, SpatialProblem
 
 __all__ = [
     "SPACES",

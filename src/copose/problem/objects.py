@@ -1,0 +1,123 @@
+"""The object, its shape, and placements in space and in the plane."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field
+
+from copose.poses import Pose
+from copose.problem.values import Inertia, Number, Pair, Positive, Spec, Triple
+
+
+class Box(Spec):
+    """A box by its edge lengths, m."""
+
+    kind: Literal["box"]
+    size: tuple[Positive, Positive, Positive]
+
+
+class Sphere(Spec):
+    """A sphere."""
+
+    kind: Literal["sphere"]
+    radius: Positive
+
+
+class Cylinder(Spec):
+    """A cylinder along z."""
+
+    kind: Literal["cylinder"]
+    radius: Positive
+    length: Positive
+
+
+class Rectangle(Spec):
+    """A planar box by its width and height, m."""
+
+    kind: Literal["box"]
+    size: tuple[Positive, Positive]
+
+
+class Disk(Spec):
+    """A disk."""
+
+    kind: Literal["disk"]
+    radius: Positive
+
+
+SpatialShape: TypeAlias = Annotated[Box | Sphere | Cylinder, Field(discriminator="kind")]
+PlanarShape: TypeAlias = Annotated[Rectangle | Disk, Field(discriminator="kind")]
+Shape: TypeAlias = Box | Sphere | Cylinder | Rectangle | Disk
+
+
+class SpatialObject(Spec):
+    """``[object]`` in space: pose of its centre of mass, mass, inertia about it."""
+
+    mass: Positive
+    inertia: Inertia | None = None
+    position: Triple
+    rpy: Triple = (0.0, 0.0, 0.0)
+    shape: SpatialShape | None = None
+    velocity: tuple[Number, ...] | None = None
+
+    @property
+    def pose(self) -> Pose:
+        """Placement of the centre of mass in the world."""
+        return Pose.from_rpy(self.position, self.rpy)
+
+
+class PlanarObject(Spec):
+    """``[object]`` in the plane."""
+
+    mass: Positive
+    inertia: Positive | None = None
+    position: Pair
+    angle: Number = 0.0
+    shape: PlanarShape | None = None
+    velocity: tuple[Number, ...] | None = None
+
+    @property
+    def pose(self) -> Pose:
+        """Placement of the centre of mass in the world."""
+        return _planar_pose(self.position, self.angle)
+
+
+def _planar_pose(position: Pair, angle: float) -> Pose:
+    return Pose.from_rpy((*position, 0.0), (0.0, 0.0, angle))
+
+
+class Placement(Spec):
+    """Position and fixed-axis roll, pitch, yaw of a frame in another."""
+
+    position: Triple = (0.0, 0.0, 0.0)
+    rpy: Triple = (0.0, 0.0, 0.0)
+
+    @property
+    def pose(self) -> Pose:
+        """The same as a pose."""
+        return Pose.from_rpy(self.position, self.rpy)
+
+
+class PlanarPlacement(Spec):
+    """Position and angle of a frame in another, in the plane."""
+
+    position: Pair = (0.0, 0.0)
+    angle: Number = 0.0
+
+    @property
+    def pose(self) -> Pose:
+        """The same as a pose."""
+        return _planar_pose(self.position, self.angle)
+
+
+class Grasp(Placement):
+    """Placement of the tip frame in the object frame."""
+
+    position: Triple
+
+
+class PlanarGrasp(PlanarPlacement):
+    """Placement of the tip frame in the object frame, in the plane."""
+
+    position: Pair
