@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import stat
@@ -139,6 +140,63 @@ def test_compare_two_results(here: Path, capsys) -> None:
     assert (here / "compare.png").read_bytes().startswith(b"\x89PNG")
     assert main(["compare", "a/result.json", "a/result.json", "--quiet", "--figure", "s.svg"]) == 0
     assert capsys.readouterr().out == "" and (here / "s.svg").exists()
+
+
+AIMS = {
+    "all": {},
+    "slice": {"objective": {"kind": "volume", "axes": ["x", "y", "z"]}},
+    "turn": {"objective": {"kind": "volume", "axes": ["roll", "yaw"]}},
+    "limits": {"ellipsoid": {"torque_scaling": "limits"}},
+}
+
+
+@pytest.mark.parametrize("pair", list(itertools.permutations(AIMS, 2)), ids="-".join)
+def test_compare_results_with_other_axes_and_scalings(pair: tuple, here: Path, capsys) -> None:
+    for name in pair:
+        solution = copose.solve(copose.parse(tables("two-panda-box") | AIMS[name]))
+        (here / f"{name}.json").write_text(copose.results.to_json(solution))
+    assert main(["compare", *(f"{name}.json" for name in pair)]) == 0
+    out = capsys.readouterr().out
+    if "slice" in pair and "turn" not in pair:
+        assert "x y z" in out and "–" in out
+    assert (here / "compare.png").stat().st_size > 10_000
+
+
+def test_compare_counts_no_whole_turns(here: Path, capsys) -> None:
+    from copose.results import to_json
+
+    solution = copose.solve(copose.parse(planar()))
+    answer = json.loads(to_json(solution))
+    assert answer["unlimited"]["a1"] == ["joint1", "joint2", "joint3"]
+    (here / "a.json").write_text(json.dumps(answer))
+    answer["after"]["joints"]["a1"][0] += 6.0
+    (here / "b.json").write_text(json.dumps(answer))
+    assert main(["compare", "a.json", "b.json"]) == 0
+    assert f"{6.0 - 2 * 3.141592653589793:+.4f}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "expected"),
+    [
+        (("after", "joints", "a1"), [1.0], "joints: not those that joint_names lists"),
+        (("after", "ellipsoid", "radii"), [0.0, 0.0], "not one positive number per axis"),
+        (("problem", "axes"), ["q", "y"], "not coordinates of the task space"),
+        (("after", "ellipsoid", "gram"), "x", "after.ellipsoid.gram"),
+    ],
+)
+def test_damaged_results_are_refused(path, value, expected, here: Path, capsys) -> None:
+    from copose.results import to_json
+
+    answer = json.loads(to_json(copose.solve(copose.parse(planar()))))
+    (here / "a.json").write_text(json.dumps(answer))
+    node = answer
+    for part in path[:-1]:
+        node = node[part]
+    node[path[-1]] = value
+    (here / "b.json").write_text(json.dumps(answer))
+    assert main(["compare", "a.json", "b.json"]) == 2
+    err = capsys.readouterr().err
+    assert "b.json: is no copose result" in err and expected in err and err.count("\n") == 1
 
 
 def test_check_prints_the_chains(here: Path, capsys) -> None:

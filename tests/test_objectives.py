@@ -265,6 +265,77 @@ def test_rest_outside_the_shifted_ellipsoid_is_told() -> None:
         assert isinstance(E, Ellipsoid) and told == outside == (not E.contains(np.zeros(6)))
 
 
+def test_rest_is_judged_in_all_coordinates_and_by_what_torques_can_do() -> None:
+    """Neither a slice that leaves gravity out nor least-norm rules decide whether it holds."""
+    cell = two_pandas()
+    cell["objective"] = {"kind": "volume", "axes": ["x", "y"]}
+    cell["ellipsoid"] = {"gravity": True}
+    assert any("after: rest is outside" in note for note in copose.solve(parse(cell)).notes)
+    heavy = two_pandas()
+    heavy["object"].update(mass=25.0, inertia=[0.375] * 3)
+    heavy["ellipsoid"] = {"torque_scaling": "limits", "gravity": True}
+    solution = copose.solve(parse(heavy))
+    joints = {name: list(q) for name, q in solution.after.joints.items()}
+    truth = Truth(heavy, {name: list(q) for name, q in solution.joint_names.items()})
+    B, c = truth.constrained_dynamics(joints)
+    torques = np.linalg.lstsq(B * truth.limits(), -c, rcond=None)[0]
+    told = any("after: rest is outside" in note for note in solution.notes)
+    assert told == (np.linalg.norm(torques) > 1)
+
+
+def test_a_posture_without_an_ellipsoid_has_no_centre() -> None:
+    cell = planar(1, 3, ellipsoid={"gravity": True}, world={"gravity": [0.0, -9.81]})
+    cell["object"]["position"] = [1.2, 0.0]
+    cell["arms"][0].update(
+        base={"position": [0, 0]}, grasp={"position": [0, 0]}, start=[0.0, 0.0, 0.0]
+    )
+    assert copose.evaluate(parse(cell)).after.ellipsoid.center is None
+
+
+def test_gravity_that_is_not_there_is_told() -> None:
+    assert "gravity = true, but [world] gravity is 0" in notes_of(
+        planar(ellipsoid={"gravity": True})
+    )
+
+
+def test_isotropy_of_one_axis_is_refused() -> None:
+    with pytest.raises(copose.InputError, match="isotropy is always 1"):
+        parse(planar(objective={"kind": "isotropy", "axes": ["x"]}))
+
+
+def test_redundant_prismatic_joints_depend_on_the_unit_of_length(tmp_path) -> None:
+    """A sliding arm in metres and in decimetres: least-norm joint motion is not the same."""
+    from test_robots import problem_of, robot
+
+    spreads = {}
+    for resolution in RESOLUTIONS:
+        values, notes = [], ""
+        for s in (1.0, 10.0):
+            limit = f'<limit lower="{-2 * s}" upper="{2 * s}" effort="1" velocity="3"/>'
+            text = robot(kinds={2: "prismatic"}, limits={2: limit})
+            text = text.replace("0 0.02 0.15", f"0 {0.02 * s} {0.15 * s}")
+            text = text.replace("0 0 0.1", f"0 0 {0.1 * s}").replace('"0.01"', f'"{0.01 * s * s}"')
+            (tmp_path / "robot.urdf").write_text(text)
+            efforts = [10.0 * s * s] * 7
+            efforts[2] = 20.0 * s
+            cell = problem_of("robot.urdf", torque_limits=efforts)
+            cell["task"]["space"] = "spatial-linear"
+            cell["object"]["position"] = [s * x for x in cell["object"]["position"]]
+            cell["ellipsoid"] = {"resolution": resolution, "torque_scaling": "limits"}
+            problem = parse(cell, source=tmp_path / "p.toml")
+            ready, notes = Cell.of(problem), " | ".join(copose.check(problem).notes)
+            rng, meter = np.random.default_rng(0), Meter(ready)
+            stretch = np.array([1, 1, s, 1, 1, 1, 1])
+            logs = []
+            for _ in range(20):
+                E = meter.measure([rng.uniform(-1.5, 1.5, 7) * stretch]).ellipsoid
+                logs.append(E.log_volume)
+            values.append(logs)
+        spreads[resolution] = np.ptp(np.array(values[1]) - np.array(values[0]))
+        assert ("least-norm joint motion adds m to rad" in notes) == (spreads[resolution] > 1e-6)
+    assert spreads["pseudoinverse"] > 0.01 and spreads["torque-optimal"] < 1e-9
+
+
 def test_limits_are_needed_on_every_joint() -> None:
     cell = planar(ellipsoid={"torque_scaling": "limits"})
     with pytest.raises(copose.InputError, match=r"arms\[0\].torque_limits: .*'joint1' has none"):

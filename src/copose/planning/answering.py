@@ -58,6 +58,7 @@ def answer(
             after=_value(objective, after),
         ),
         joint_names={arm.name: arm.joint_names for arm in cell.arms},
+        unlimited={arm.name: cell.unlimited(i) for i, arm in enumerate(cell.arms)},
         before=before.posture if before is not None else None,
         after=after.posture if after is not None else None,
         nearest_miss=_open(miss) if miss is not None else None,
@@ -75,6 +76,6 @@ def _value(objective: Objective, measured: Measurement | None) -> float | None:
 def _open(measured: Measurement) -> Posture:
     """A posture without the system's ellipsoid: arms that do not hold the object have none."""
     posture = measured.posture
-    nothing = EllipsoidRecord.of(None, len(posture.ellipsoid.center))
+    nothing = EllipsoidRecord.of(None)
     volumes = dict.fromkeys(posture.log_volumes)
     return posture.model_copy(update={"ellipsoid": nothing, "log_volumes": volumes})

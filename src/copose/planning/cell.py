@@ -90,6 +90,14 @@ class Cell:
         unlimited = np.isinf(self.arms[i].lower) & np.isinf(self.arms[i].upper)
         return np.where(unlimited, self.nearest_turn(i, q), q)
 
+    def unlimited(self, i: int) -> tuple[str, ...]:
+        """Names of the revolute joints of arm i that have no limits."""
+        return tuple(
+            joint.name
+            for joint in self.arms[i].joints
+            if joint.kind == "revolute" and joint.lower == -np.inf and joint.upper == np.inf
+        )
+
     def nearest_turn(self, i: int, q: Array) -> Array:
         """Positions or differences of arm i, (..., n), with every revolute joint in (−π, π]."""
         revolute = np.array([joint.kind == "revolute" for joint in self.arms[i].joints])

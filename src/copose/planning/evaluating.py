@@ -116,6 +116,8 @@ def verify(problem: Problem, solution: Solution) -> tuple[str, ...]:
         measured = meter.measure(joints)
         wrong += [f"{when}: {fault}" for fault in _faults(cell, joints, measured)]
         wrong += [f"{when}: {key}" for key in _differences(stated, measured.posture)]
+        if (solution.objective.kind, solution.objective.unit) != (objective.kind, objective.unit):
+            wrong.append(f"the objective is {objective.kind}, in {objective.unit}")
         value = getattr(solution.objective, when)
         if measured.ellipsoid is not None and not _near(value, objective.of(measured.ellipsoid)):
             wrong.append(f"{when}: the objective is {objective.of(measured.ellipsoid)!r}")
@@ -129,14 +131,21 @@ def _differences(stated: Posture, measured: Posture) -> Iterator[str]:
             yield f"arms.{name} is missing"
             continue
         pairs.append((f"arms.{name}.ellipsoid", stated.arms[name].ellipsoid, arm.ellipsoid))
-        if not _near(stated.arms[name].skeleton, arm.skeleton):
-            yield f"arms.{name}.skeleton does not follow from the joints"
+        for key in ("skeleton", "grasp"):
+            if not _near(getattr(stated.arms[name], key), getattr(arm, key)):
+                yield f"arms.{name}.{key} does not follow from the joints"
+        if abs(stated.closure_error.get(name, np.inf) - measured.closure_error[name]) > 1e-8:
+            yield f"closure_error.{name} does not follow from the joints"
+    for name, volume in measured.log_volumes.items():
+        if not _near(stated.log_volumes.get(name), volume):
+            yield f"log_volumes.{name} does not follow from the joints"
     for where, one, other in pairs:
         for key in EllipsoidRecord.model_fields:
             if not _near(getattr(one, key), getattr(other, key)):
                 yield f"{where}.{key} does not follow from the joints"
-    if not _near(stated.object.position, measured.object.position):
-        yield "object.position is not the problem's"
+    for key, value in measured.object:
+        if not _near(getattr(stated.object, key, None), value):
+            yield f"object.{key} is not the problem's"
 
 
 def _near(one: object, other: object) -> bool:

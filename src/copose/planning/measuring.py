@@ -86,24 +86,30 @@ class Meter:
             records[arm.name] = ArmRecord(
                 skeleton=matrix(skeleton.T),
                 grasp=vector((cell.problem.object.pose @ arm.grasp).position),
-                ellipsoid=EllipsoidRecord.of(single, m),
+                ellipsoid=EllipsoidRecord.of(single),
             )
-        ellipsoids = self._ellipsoids(joints) if not notes else dict.fromkeys(RESOLUTIONS)
+        ellipsoids: dict[str, Ellipsoid | None] = dict.fromkeys(RESOLUTIONS)
+        if not notes:
+            whole = self._ellipsoids(joints)
+            if any(each is None for each in whole.values()):
+                notes.append(
+                    "volume unknown: the equations of motion are singular to working precision"
+                )
+            ellipsoids = {name: self._sliced(each) for name, each in whole.items()}
+            # Whether the object can be kept at rest is a question for all of its coordinates, and
+            # not for least-norm rules.
+            optimal = whole["torque-optimal"]
+            if optimal is not None and not optimal.contains(np.zeros(m)):
+                notes.append(
+                    "rest is outside the shifted ellipsoid: torques of the ball cannot keep the "
+                    "object from accelerating"
+                )
         ellipsoid = ellipsoids[cell.resolution.name]
-        if ellipsoid is None and not notes:
-            notes.append(
-                "volume unknown: the equations of motion are singular to working precision"
-            )
-        elif ellipsoid is not None and not ellipsoid.contains(np.zeros_like(ellipsoid.center)):
-            notes.append(
-                "rest is outside the shifted ellipsoid: torques of the ball cannot keep the object "
-                "from accelerating"
-            )
         posture = Posture(
             joints={arm.name: vector(q) for arm, q in zip(cell.arms, joints, strict=True)},
             object=place(cell.problem.object.pose, cell.problem.space.planar),
             closure_error=errors,
-            ellipsoid=EllipsoidRecord.of(ellipsoid, len(cell.problem.axes)),
+            ellipsoid=EllipsoidRecord.of(ellipsoid),
             log_volumes={
                 name: each.log_volume if each is not None else None
                 for name, each in ellipsoids.items()
@@ -113,9 +119,8 @@ class Meter:
         return Measurement(posture, ellipsoid, tuple(notes))
 
     def _ellipsoids(self, joints: Sequence[Array]) -> dict[str, Ellipsoid | None]:
-        """The system's ellipsoid by each resolution, sliced by ``axes``."""
+        """The system's ellipsoid by each resolution, in all coordinates of the task."""
         cell = self._cell
-        axes = list(cell.problem.axes)
         center, *factors = (
             np.array(value)
             for value in self._system(
@@ -123,9 +128,15 @@ class Meter:
             )
         )
         return {
-            name: _ellipsoid(factor[:, axes], center.ravel()[axes])
+            name: _ellipsoid(factor, center.ravel())
             for name, factor in zip(RESOLUTIONS, factors, strict=True)
         }
+
+    def _sliced(self, ellipsoid: Ellipsoid | None) -> Ellipsoid | None:
+        axes = self._cell.problem.axes
+        if ellipsoid is None or axes == tuple(range(self._cell.system.space.m)):
+            return ellipsoid
+        return ellipsoid.sliced(axes)
 
 
 def closure_error(gap: Array, turn: Array, rigid: bool) -> float:

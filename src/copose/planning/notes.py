@@ -49,6 +49,17 @@ def _unit_notes(cell: Cell) -> list[str]:
             f"unit torques count 1 N like 1 N·m at the prismatic joint {sliding[0]}; "
             "torque_scaling = 'limits' does not"
         )
+    spare = sliding and any(
+        arm.n > space.m and any(joint.kind == "prismatic" for joint in arm.joints)
+        for arm in cell.arms
+    )
+    if spare and (cell.resolution.name == "pseudoinverse" or np.any(cell.velocity)):
+        notes.append(
+            f"least-norm joint motion adds m to rad at the prismatic joint {sliding[0]} and so "
+            "depends on the unit of length; resolution = 'torque-optimal' at rest does not"
+        )
+    if settings.gravity and not np.any(cell.gravity):
+        notes.append("gravity = true, but [world] gravity is 0")
     return notes
 
 

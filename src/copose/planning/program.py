@@ -33,6 +33,8 @@ _IPOPT: dict[str, Any] = {
 # How wide the bounds of an objective with kinks start, after its smooth stand-in was solved; and
 # what is tried after a failure.
 _FIRST_SLACK, _WIDER_SLACKS = 0.02, (0.2, 0.05)
+# How far beside its start, rad or m, a solve without kinks is tried again.
+_NUDGE = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +172,8 @@ class PostureProgram:
         """One local solve.
 
         Where the objective has kinks its smooth stand-in is solved first, and the program itself
-        from there; should that fail, once more with wider bounds and from the start itself.
+        from there; should that fail, once more with wider bounds and from the start itself. A
+        smooth objective that fails is tried once more from a little beside.
 
         Args:
             start: joint positions to start from, (N,).
@@ -182,7 +185,11 @@ class PostureProgram:
         if self._smooth is None:
             if not np.all(np.isfinite(self.gram_at(start, parameters))):
                 return _not_started(start)
-            return self._exact.run(start, np.zeros(0), numbers, lower, upper)
+            end = self._exact.run(start, np.zeros(0), numbers, lower, upper)
+            if end.converged:
+                return end
+            nudge = _NUDGE * np.random.default_rng(0).normal(size=len(start))
+            return self._exact.run(start + nudge, np.zeros(0), numbers, lower, upper)
         near = self._smooth.run(start, np.zeros(0), numbers, lower, upper)
         if near.converged and self._at_ceiling(near.q, parameters):
             return near

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
+from copose.errors import shown
 from copose.problem.values import Direction, Number, Pair, Spec, Triple, not_zero
 
 
@@ -69,9 +70,8 @@ class TaskCompatibilityObjective(EllipsoidObjective):
 
 
 def _objective_kind(value: Any) -> str:
-    if isinstance(value, dict):
-        return str(value.get("kind", "volume"))
-    return str(getattr(value, "kind", ""))
+    kind = value.get("kind", "volume") if isinstance(value, dict) else getattr(value, "kind", "")
+    return kind if isinstance(kind, str) else shown(kind)
 
 
 ObjectiveSpec: TypeAlias = Annotated[

@@ -29,9 +29,21 @@ def explain(error: ValidationError, model: type[BaseModel], source: Path | None)
 
     Unknown keys come first: a misspelt key is also a missing one.
     """
-    faults = sorted(
-        error.errors(include_url=False), key=lambda fault: fault["type"] != "extra_forbidden"
-    )
+    found = error.errors(include_url=False)
+    # An array whose only entry is wrong is also called too short.
+    faults = [
+        fault
+        for fault in found
+        if not (
+            fault["type"] == "too_short"
+            and any(
+                other["loc"][: len(fault["loc"])] == fault["loc"]
+                for other in found
+                if other is not fault
+            )
+        )
+    ]
+    faults.sort(key=lambda fault: fault["type"] != "extra_forbidden")
     owner, location = _owner(model, tuple(faults[0]["loc"]))
     context = faults[0].get("ctx", {})
     if faults[0]["type"] == "missing" and isinstance(location[-1], int):

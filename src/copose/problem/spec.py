@@ -108,6 +108,8 @@ class Problem(Spec):
         legal = self.space.coordinates
         if not names:
             raise fault("objective.axes", f"is empty; allowed: {', '.join(legal)}")
+        if self.objective.kind == "isotropy" and len(names) == 1:
+            raise fault("objective.axes", "has one entry, whose isotropy is always 1; name more")
         for i, name in enumerate(names):
             if name not in legal:
                 raise fault(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from rich.console import Group, RenderableType
@@ -29,10 +30,10 @@ class Comparison:
     postures: tuple[Posture, Posture]
 
     @property
-    def same_ellipsoid(self) -> bool:
-        """Whether both ellipsoids live in the same coordinates and units."""
-        one, other = (solution.problem for solution in self.solutions)
-        return (one.axes, one.torque_scaling) == (other.axes, other.torque_scaling)
+    def same_unit(self) -> bool:
+        """Whether the semi-axes of both can be held against one another."""
+        one, other = (style.units(solution) for solution in self.solutions)
+        return one == other
 
 
 def compare(one: Solution, other: Solution, names: tuple[str, str] = ("A", "B")) -> Comparison:
@@ -66,7 +67,9 @@ def _figures(comparison: Comparison) -> Table:
         table.add_column(Text(name), justify="right", overflow="fold")
     both = list(zip(comparison.solutions, comparison.postures, strict=True))
     table.add_row("objective", *(solution.objective.kind for solution, _ in both))
-    table.add_row("its value", *(_number(solution.objective.after) for solution, _ in both))
+    values = [(solution.objective.after, solution.objective.unit) for solution, _ in both]
+    table.add_row("its value", *(f"{_number(value)} {unit}" for value, unit in values))
+    table.add_row("axes", *(" ".join(solution.problem.axes) for solution, _ in both))
     table.add_row("resolution", *(solution.problem.resolution for solution, _ in both))
     table.add_row("torque scaling", *(solution.problem.torque_scaling for solution, _ in both))
     for name in comparison.postures[0].log_volumes:
@@ -81,18 +84,23 @@ def _figures(comparison: Comparison) -> Table:
                 for p, unit in zip(parts, units, strict=True)
             ]
             table.add_row(f"{title} semi-axes", *cells)
+    centers = [posture.ellipsoid.center or () for posture in comparison.postures]
+    if any(any(center) for center in centers):
+        table.add_row("centre, at zero torque", *map(style.numbers, centers))
     return table
 
 
 def _joints(comparison: Comparison) -> Table:
     table = Table(show_edge=False, pad_edge=False)
-    table.add_column("joint", overflow="fold")
+    table.add_column("joint, rad or m", overflow="fold")
     for name in (*comparison.names, "difference"):
         table.add_column(Text(name), justify="right", overflow="fold")
     one, other = comparison.postures
     for arm, names in comparison.solutions[0].joint_names.items():
+        unlimited = comparison.solutions[0].unlimited.get(arm, ())
         for name, a, b in zip(names, one.joints[arm], other.joints[arm], strict=True):
-            table.add_row(Text(f"{arm}/{name}"), f"{a:.4f}", f"{b:.4f}", f"{b - a:+.4f}")
+            apart = math.remainder(b - a, math.tau) if name in unlimited else b - a
+            table.add_row(Text(f"{arm}/{name}"), f"{a:.4f}", f"{b:.4f}", f"{apart:+.4f}")
     return table
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 from copose.errors import InputError
@@ -79,18 +80,13 @@ def draw_comparison(comparison: Comparison, path: str | Path) -> None:
     """
     file = Path(path)
     check_format(file)
-    one, other = comparison.solutions
-    overlaid = comparison.same_ellipsoid
-    panels = [
-        style.Panel(name, mine, solution, theirs if overlaid else None)
-        for name, solution, mine, theirs in zip(
-            comparison.names,
-            comparison.solutions,
-            comparison.postures,
-            comparison.postures[::-1],
-            strict=True,
-        )
-    ]
-    names = dict.fromkeys([one.problem.name, other.problem.name])
+    parts = zip(comparison.names, comparison.postures, comparison.solutions, strict=True)
+    panels = [style.Panel(*part) for part in parts]
+    names = dict.fromkeys(solution.problem.name for solution in comparison.solutions)
     heading = " and ".join(style.short(name, 40) for name in names)
+    if comparison.same_unit:
+        one, other = panels
+        panels = [replace(one, other=other), replace(other, other=one)]
+    else:
+        heading += " (torques scaled differently: each at its own scale, not overlaid)"
     write_file(file, _rendered(panels, heading, file.suffix.lower()[1:]))

@@ -28,11 +28,13 @@ def planar_figure(panels: list[Panel], heading: str) -> Figure:
     low, high = _extent(panels)
     size = float((high - low).max())
     placed = [_placed(panel) for panel in panels]
-    radii = [float(part.ellipsoid.radii[0]) for parts in placed for _, part, _ in parts]
-    scale = _ELLIPSE_SHARE * size / max(radii, default=1.0)
-    for center, part, _ in (item for parts in placed for item in parts):
-        curve = center + scale * part.surface[..., :2]
-        low, high = np.minimum(low, curve.min(axis=0)), np.maximum(high, curve.max(axis=0))
+    longest = [max((float(p.ellipsoid.radii[0]) for _, p, _ in ps), default=0.0) for ps in placed]
+    found = style.scales(panels, longest, _ELLIPSE_SHARE * size)
+    scales = found or [1.0] * len(panels)
+    for scale, parts in zip(scales, placed, strict=True):
+        for center, part, _ in parts:
+            curve = center + scale * part.surface[..., :2]
+            low, high = np.minimum(low, curve.min(axis=0)), np.maximum(high, curve.max(axis=0))
     # A flat scene still needs a frame to be read in.
     least = 0.4 * float((high - low).max())
     margin = 0.04 * size + np.maximum(least - (high - low), 0.0) / 2
@@ -46,7 +48,7 @@ def planar_figure(panels: list[Panel], heading: str) -> Figure:
     tall = min(_PANEL * height / width + above, 7.5) + below
     figure = Figure(figsize=(wide, tall))
     axes = figure.subplots(1, len(panels), squeeze=False, sharex=True, sharey=True)[0]
-    for ax, panel, parts in zip(axes, panels, placed, strict=True):
+    for ax, panel, parts, scale in zip(axes, panels, placed, scales, strict=True):
         _scene(ax, panel.posture, panel.solution)
         _ellipses(ax, panel, parts, scale)
         ax.set_title(_title(panel), loc="left")
@@ -55,11 +57,13 @@ def planar_figure(panels: list[Panel], heading: str) -> Figure:
         ax.set_aspect("equal")
         ax.set_xlabel("x, m")
     axes[0].set_ylabel("y, m")
-    if radii:
-        _scale_bar(axes[-1], low, high, scale, style.units(solution)[0])
+    for ax, panel, scale in zip(axes, panels, scales, strict=True):
+        unit = style.units(panel.solution)[0]
+        if found and (panel is panels[-1] or unit != style.units(panels[-1].solution)[0]):
+            _scale_bar(ax, low, high, scale, unit)
     figure.suptitle(heading, fontweight="bold", x=0.02, y=1 - 0.1 / tall, ha="left", va="top")
     handles, labels = axes[0].get_legend_handles_labels()
-    if radii:
+    if found:
         handles.append(Line2D([], [], color=style.INK, linewidth=1.4, linestyle="--"))
         labels.append("each arm alone, at its tip")
     if any(panel.other is not None for panel in panels):
@@ -132,7 +136,8 @@ def _ellipses(
 ) -> None:
     colors = style.arm_colors(panel.posture)
     if panel.other is not None:
-        other = linear_slice(panel.other.ellipsoid, panel.solution.problem.axes)
+        axes = panel.other.solution.problem.axes
+        other = linear_slice(panel.other.posture.ellipsoid, axes)
         if other is not None:
             curve = np.array(panel.posture.object.position) + scale * other.surface[..., :2]
             ax.plot(*curve.T, color=style.INK, linewidth=1.4, linestyle=":", zorder=6)

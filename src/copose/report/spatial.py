@@ -26,40 +26,47 @@ _LIFT = 0.42
 
 @dataclass(frozen=True)
 class _Kind:
-    """One kind of slices and how all of them are drawn."""
+    """One kind of slices, linear or angular, and how all of them are drawn."""
 
     name: str
     part: Callable[[EllipsoidRecord, Sequence[str]], Slice | None]
-    axes: tuple[str, ...]
     color: str
-    unit: str
-    scale: float
+    index: int
+    scales: list[float]
     lift: float
 
-    def of(self, posture: Posture) -> Slice | None:
-        return self.part(posture.ellipsoid, self.axes)
+    def of(self, panel: Panel) -> Slice | None:
+        return self.part(panel.posture.ellipsoid, panel.solution.problem.axes)
 
-    def center(self, posture: Posture) -> Array:
-        return np.asarray(posture.object.position + np.array([0.0, 0.0, self.lift]))
+    def center(self, panel: Panel) -> Array:
+        return np.asarray(panel.posture.object.position + np.array([0.0, 0.0, self.lift]))
+
+    def unit(self, panel: Panel) -> str:
+        return style.units(panel.solution)[self.index]
+
+    def units(self, panels: list[Panel]) -> list[str]:
+        return list(dict.fromkeys(self.unit(panel) for panel in panels))
 
 
 def spatial_figure(panels: list[Panel], heading: str) -> Figure:
     """Scenes with the ellipsoid's linear and angular slices, and their semi-axes as bars."""
-    solution, postures = panels[0].solution, [panel.posture for panel in panels]
-    kinds = _kinds(solution, postures)
+    kinds = _kinds(panels)
     figure = Figure(figsize=(11, 8.2 if kinds else 6.2))
     grid = figure.add_gridspec(
         2 if kinds else 1, 2 * len(panels), height_ratios=[3.6, 1] if kinds else [1],
         left=0.03, right=0.94, bottom=0.06, top=0.88, hspace=0.16, wspace=0.3,
     )  # fmt: skip
-    low, high = _extent(postures, solution, kinds)
+    low, high = _extent(panels, kinds)
     for k, panel in enumerate(panels):
         ax: Any = figure.add_subplot(grid[0, 2 * k : 2 * k + 2], projection="3d")
         _scene(ax, panel.posture, panel.solution, low, high)
         for kind in kinds:
-            _draw_slice(ax, panel.posture, kind)
+            _draw_slice(ax, panel, kind, kind.scales[k])
             if panel.other is not None:
-                _draw_slice(ax, panel.other, kind, outline=True)
+                _draw_slice(ax, panel.other, kind, kind.scales[k], outline=True)
+        if panel.other is not None:
+            ax.plot([], [], color=style.INK, linewidth=1, label="the other one's ellipsoids")
+        ax.legend(loc="upper right", frameon=False, fontsize=9)
         ax.set_title(_title(panel), loc="left", y=0.99)
     span = 2 * len(panels) // max(len(kinds), 1)
     for k, kind in enumerate(kinds):
@@ -67,34 +74,34 @@ def spatial_figure(panels: list[Panel], heading: str) -> Figure:
         _bars(bars, panels, kind)
     figure.suptitle(heading, fontweight="bold", x=0.02, y=0.985, ha="left")
     for k, kind in enumerate(kinds):
-        value = style.round_scale(0.2 / kind.scale)
         where = ", lifted above the object" if kind.lift else " at the object"
-        drawn = f"{value * kind.scale:.2g} m drawn = {value:g} {kind.unit}"
+        drawn = []
+        for unit, scale in {
+            kind.unit(p): s for p, s in zip(panels, kind.scales, strict=True)
+        }.items():
+            value = style.round_scale(0.2 / scale)
+            drawn.append(f"{value * scale:.2g} m drawn = {value:g} {unit}")
         figure.text(
             0.02, 0.935 - 0.024 * k,
-            f"{kind.name} slice{where}: {drawn}", fontsize=9.5, color=kind.color,
+            f"{kind.name} slice{where}: {'; '.join(drawn)}", fontsize=9.5, color=kind.color,
         )  # fmt: skip
     return figure
 
 
-def _kinds(solution: Solution, postures: list[Posture]) -> list[_Kind]:
-    """The slices that the postures have, each kind at one scale for all of them."""
-    low, high = _extent(postures, solution, [])
+def _kinds(panels: list[Panel]) -> list[_Kind]:
+    """The slices that the postures have, each kind at one scale for all that share a unit."""
+    low, high = _extent(panels, [])
     size = float((high - low).max())
-    linear, angular = style.units(solution)
-    axes = solution.problem.axes
     kinds: list[_Kind] = []
-    for name, part, color, unit in (
-        ("linear", linear_slice, style.SYSTEM, linear),
-        ("angular", angular_slice, style.ANGULAR, angular),
+    for index, (name, part, color) in enumerate(
+        (("linear", linear_slice, style.SYSTEM), ("angular", angular_slice, style.ANGULAR))
     ):
-        found = [part(posture.ellipsoid, axes) for posture in postures]
-        radii = [float(each.ellipsoid.radii[0]) for each in found if each is not None]
-        if radii:
+        found = [part(p.posture.ellipsoid, p.solution.problem.axes) for p in panels]
+        longest = [float(each.ellipsoid.radii[0]) if each is not None else 0.0 for each in found]
+        scales = style.scales(panels, longest, _ELLIPSE_SHARE * size)
+        if scales is not None:
             # Where both are drawn the angular one floats above the other.
-            lift = _LIFT * size if kinds else 0.0
-            scale = _ELLIPSE_SHARE * size / max(radii)
-            kinds.append(_Kind(name, part, axes, color, unit, scale, lift))
+            kinds.append(_Kind(name, part, color, index, scales, _LIFT * size if kinds else 0.0))
     return kinds
 
 
@@ -108,27 +115,33 @@ def _title(panel: Panel) -> str:
 
 def _bars(ax: Axes, panels: list[Panel], kind: _Kind) -> None:
     width = 0.8 / len(panels)
-    top, count = 0.0, 1
+    count = 1
+    units = kind.units(panels)
     for k, panel in enumerate(panels):
-        part = kind.of(panel.posture)
+        part = kind.of(panel)
         if part is None:
             continue
         radii = part.ellipsoid.radii
-        count, top = len(radii), max(top, float(radii.max()))
+        count = max(count, len(radii))
+        # Heights are lengths as drawn: panels with a unit of their own have a scale of their own.
         drawn = ax.bar(
-            np.arange(count) + (k - (len(panels) - 1) / 2) * width, radii, width * 0.92,
-            color=style.BEFORE if k + 1 < len(panels) else kind.color, label=panel.name,
+            np.arange(len(radii)) + (k - (len(panels) - 1) / 2) * width,
+            radii * kind.scales[k], width * 0.92,
+            color=style.BEFORE if k + 1 < len(panels) else kind.color,
+            label=style.short(panel.name) + (f", {kind.unit(panel)}" if len(units) > 1 else ""),
         )  # fmt: skip
-        ax.bar_label(drawn, fmt="%.3g", fontsize=9, padding=1)
+        ax.bar_label(drawn, [f"{radius:.3g}" for radius in radii], fontsize=9, padding=1)
     words = {1: [""], 2: ["longest", "shortest"], 3: ["longest", "middle", "shortest"]}
     ax.set_xticks(np.arange(count), words[count])
-    ax.set_ylim(0, top * 1.25)
+    ax.margins(y=0.15)
     ax.set_yticks([])
     for side in ("top", "right", "left"):
         ax.spines[side].set_visible(False)
+    title = f"semi-axes of the {kind.name} slice" + (f", {units[0]}" if len(units) == 1 else "")
+    ax.set_title(title, fontsize=10, color=kind.color, loc="left", pad=20)
     if len(panels) > 1:
-        ax.legend(frameon=False, fontsize=9)
-    ax.set_title(f"semi-axes of the {kind.name} slice, {kind.unit}", fontsize=10, color=kind.color)
+        ax.legend(frameon=False, fontsize=9, loc="lower left", bbox_to_anchor=(0, 0.98),
+                  ncols=len(panels), borderaxespad=0.1)  # fmt: skip
 
 
 def _scene(ax: Any, posture: Posture, solution: Solution, low: Array, high: Array) -> None:
@@ -162,27 +175,28 @@ def _scene(ax: Any, posture: Posture, solution: Solution, low: Array, high: Arra
     ax.set_xlabel("x, m", labelpad=0)
     ax.set_ylabel("y, m", labelpad=-2)
     ax.set_zlabel("z, m", labelpad=1)
-    ax.legend(loc="upper right", frameon=False, fontsize=9)
 
 
-def _draw_slice(ax: Any, posture: Posture, kind: _Kind, outline: bool = False) -> None:
-    part = kind.of(posture)
+def _draw_slice(ax: Any, panel: Panel, kind: _Kind, scale: float, outline: bool = False) -> None:
+    part = kind.of(panel)
     if part is None:
         return
-    center = kind.center(posture)
-    points = center + kind.scale * part.surface
-    if points.ndim == 3:
-        grid = np.moveaxis(points, -1, 0)
-        if outline:
+    center = kind.center(panel)
+    points = center + scale * part.surface
+    grid = np.moveaxis(points, -1, 0)
+    if outline:
+        if points.ndim == 3:
             ax.plot_wireframe(*grid, color=style.INK, linewidth=0.5, rstride=4, cstride=4)
-            return
+        else:
+            ax.plot(*grid, color=style.INK, linewidth=1.2, linestyle="--")
+        return
+    if points.ndim == 3:
         ax.plot_surface(*grid, color=kind.color, alpha=0.45, linewidth=0, rstride=1, cstride=1)
     else:
-        ax.plot(*points.T, color=style.INK if outline else kind.color, linewidth=2.5)
-        face = Poly3DCollection([points], facecolor=kind.color, alpha=0.3)
-        ax.add_collection3d(face)
+        ax.plot(*grid, color=kind.color, linewidth=3.5)
+        ax.add_collection3d(Poly3DCollection([points], facecolor=kind.color, alpha=0.3))
     if kind.lift:
-        stem = np.array([posture.object.position, center])
+        stem = np.array([panel.posture.object.position, center])
         ax.plot(*stem.T, color=kind.color, linewidth=1, linestyle=":")
 
 
@@ -229,16 +243,16 @@ def _tube(radii: Array, heights: Array) -> list[Array]:
     return faces
 
 
-def _extent(postures: list[Posture], solution: Solution, kinds: list[_Kind]) -> tuple[Array, Array]:
+def _extent(panels: list[Panel], kinds: list[_Kind]) -> tuple[Array, Array]:
+    postures = [panel.posture for panel in panels]
     points = [np.array([*a.skeleton, a.grasp]) for p in postures for a in p.arms.values()]
-    points += [np.vstack(faces) for p in postures if (faces := _faces(p, solution))]
+    points += [np.vstack(faces) for p in panels if (faces := _faces(p.posture, p.solution))]
     points += [np.array([p.object.position]) for p in postures]
     for kind in kinds:
-        for posture in postures:
-            part = kind.of(posture)
+        for panel, scale in zip(panels, kind.scales, strict=True):
+            part = kind.of(panel)
             if part is not None:
-                surface = kind.center(posture) + kind.scale * part.surface
-                points.append(surface.reshape(-1, 3))
+                points.append((kind.center(panel) + scale * part.surface).reshape(-1, 3))
     stacked = np.vstack(points)
     low, high = stacked.min(axis=0), stacked.max(axis=0)
     size = float((high - low).max())

@@ -49,13 +49,37 @@ class Panel:
         name: what it is called.
         posture: what is drawn.
         solution: whose it is.
-        other: a posture whose ellipsoid is drawn as an outline beside this one's.
+        other: a panel whose ellipsoid is drawn as an outline over this one's.
     """
 
     name: str
     posture: Posture
     solution: Solution
-    other: Posture | None = None
+    other: Panel | None = None
+
+
+def scales(panels: list[Panel], longest: list[float], length: float) -> list[float] | None:
+    """Metres drawn per unit of acceleration, by panel: one scale for all that share a unit.
+
+    Args:
+        panels: what is drawn.
+        longest: the longest semi-axis of each, 0 where there is none.
+        length: that the longest of all is drawn, m.
+
+    Returns:
+        None where there is nothing to draw.
+    """
+    if not any(longest):
+        return None
+    found = []
+    for panel in panels:
+        alike = [
+            radius
+            for radius, other in zip(longest, panels, strict=True)
+            if units(other.solution) == units(panel.solution)
+        ]
+        found.append(length / max(max(alike), 1e-300) if any(alike) else 1.0)
+    return found
 
 
 def panels(solution: Solution) -> list[Panel]:

@@ -57,9 +57,9 @@ def _numbers(solution: Solution) -> Table:
         if found is not None:
             was = part(before.ellipsoid, axes) if before is not None else None
             row(title, _radii(was), _radii(found), unit)
-    if any(after.ellipsoid.center):
-        past = style.numbers(before.ellipsoid.center) if before is not None else ""
-        row("centre, at zero torque", past, style.numbers(after.ellipsoid.center), "")
+    if any(after.ellipsoid.center or ()):
+        past = style.numbers(before.ellipsoid.center or ()) if before is not None else ""
+        row("centre, at zero torque", past, style.numbers(after.ellipsoid.center or ()), "")
     space = SPACES[solution.problem.space]
     errors = [p.closure_error for p in (solution.before, after) if p is not None]
     closure = [f"{max(error.values()):.1e}" for error in errors]

@@ -34,8 +34,8 @@ def read_solution(path: str | Path) -> Solution:
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         key = ".".join(str(part) for part in first["loc"])
-        text = f"is no copose result ({key}: {first['msg']})" if key else "is no copose result"
-        raise InputError(text, file=file) from None
+        why = ": ".join(part for part in (key, first["msg"]) if part)
+        raise InputError(f"is no copose result ({why})", file=file) from None
 
 
 def write_file(path: Path, content: bytes) -> None:

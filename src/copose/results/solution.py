@@ -6,12 +6,12 @@ import math
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_serializer
+from pydantic import BaseModel, ConfigDict, Field, model_serializer, model_validator
 from pydantic_core.core_schema import SerializerFunctionWrapHandler
 
 from copose.capability import Ellipsoid
 from copose.poses import Array, Pose
-from copose.problem import Shape, SpaceName
+from copose.problem import SPACES, Shape, SpaceName
 
 Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
 Vector: TypeAlias = tuple[Finite, ...]
@@ -38,16 +38,16 @@ class EllipsoidRecord(Record):
     """An ellipsoid's numbers, or nulls where the posture has none."""
 
     gram: Matrix | None
-    center: Vector
+    center: Vector | None
     radii: Vector | None
     axes: Matrix | None
     log_volume: Finite | None
 
     @classmethod
-    def of(cls, ellipsoid: Ellipsoid | None, m: int) -> EllipsoidRecord:
-        """The record of an ellipsoid, or of the lack of one in m dimensions."""
+    def of(cls, ellipsoid: Ellipsoid | None) -> EllipsoidRecord:
+        """The record of an ellipsoid, or of the lack of one."""
         if ellipsoid is None:
-            return cls(gram=None, center=(0.0,) * m, radii=None, axes=None, log_volume=None)
+            return cls(gram=None, center=None, radii=None, axes=None, log_volume=None)
         return cls(
             gram=matrix(ellipsoid.gram),
             center=vector(ellipsoid.center),
@@ -59,7 +59,7 @@ class EllipsoidRecord(Record):
     @property
     def value(self) -> Ellipsoid | None:
         """The ellipsoid itself."""
-        if self.radii is None or self.axes is None:
+        if self.radii is None or self.axes is None or self.center is None:
             return None
         factor = np.array(self.axes) / np.array(self.radii)[:, None]
         return Ellipsoid.from_factor(factor, self.center)
@@ -95,7 +95,7 @@ class ArmRecord(Record):
     Attributes:
         skeleton: root, joint origins and tip in the world, m.
         grasp: where the tip should be, m.
-        ellipsoid: of the arm alone at its tip: {a : ‖M J⁺ a‖ ≤ 1}.
+        ellipsoid: of the arm alone at its tip, by the same resolution and torque scaling.
     """
 
     skeleton: Matrix
@@ -176,7 +176,11 @@ class ProblemRecord(Record):
 
 
 class Solution(Record):
-    """A result; written by `copose solve` as ``result.json``."""
+    """A result; written by `copose solve` as ``result.json``.
+
+    Attributes:
+        unlimited: the revolute joints without limits, which are the same after a whole turn.
+    """
 
     format: Literal[1] = 1
     copose: str
@@ -191,6 +195,23 @@ class Solution(Record):
     nearest_miss: Posture | None = None
     search: SearchRecord | None
     timing: Timing
+    unlimited: dict[str, tuple[str, ...]]
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Solution:
+        size = len(self.problem.axes)
+        if not set(self.problem.axes) <= set(SPACES[self.problem.space].coordinates):
+            raise ValueError("problem.axes: not coordinates of the task space")
+        for posture in (self.before, self.after, self.nearest_miss):
+            if posture is None:
+                continue
+            counts = {name: len(joints) for name, joints in posture.joints.items()}
+            if counts != {name: len(joints) for name, joints in self.joint_names.items()}:
+                raise ValueError("joints: not those that joint_names lists")
+            radii = posture.ellipsoid.radii
+            if radii is not None and (len(radii) != size or min(radii) <= 0):
+                raise ValueError("ellipsoid.radii: not one positive number per axis")
+        return self
 
     @model_serializer(mode="wrap")
     def _without_empty_miss(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
