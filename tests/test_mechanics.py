@@ -10,7 +10,7 @@ from cells import PANDA, planar, two_pandas
 from copose.mechanics import System, object_parameters
 from copose.planning.cell import Cell
 from copose.planning.hessian import differenced_hessian
-from copose.planning.objectives import Volume
+from copose.planning.objectives import Volume, objective_of
 from copose.planning.program import PostureProgram
 from copose.problem import parse
 from copose.robots import load_arms
@@ -134,25 +134,34 @@ def test_planar_tool_is_lumped_into_the_last_link() -> None:
     assert np.allclose(masses[1] - masses[0], added, rtol=0, atol=1e-13)
 
 
+@pytest.mark.parametrize("resolution", ["pseudoinverse", "torque-optimal"])
+@pytest.mark.parametrize("kind", ["volume", "worst-direction", "isotropy", "task-compatibility"])
 @pytest.mark.parametrize("space", ["spatial", "spatial-linear", "planar", "planar-linear"])
-def test_gradients_equal_central_differences(space: str) -> None:
-    spatial = space.startswith("spatial")
-    cell = Cell.of(parse(two_pandas(space) if spatial else planar(2, 4, space)))
-    program = PostureProgram(cell.system, cell.gram, Volume("log"))
-    q, p = cell.system.q, cell.system.object.parameters
-    stacked = ca.vertcat(program.expressions["f"], program.expressions["g"])
-    values = ca.Function("values", [q, p], [stacked])
-    slopes = ca.Function("slopes", [q, p], [ca.jacobian(stacked, q)])
+def test_gradients_equal_central_differences(space: str, kind: str, resolution: str) -> None:
+    """Of the objective and of every constraint, in the joints and in what is free beside them."""
+    tables = two_pandas(space) if space.startswith("spatial") else planar(2, 4, space)
+    tables["objective"] = {"kind": kind}
+    if kind == "task-compatibility":
+        m = {"spatial": 6, "planar-linear": 2}.get(space, 3)
+        tables["objective"]["directions"] = [{"direction": list(range(1, m + 1)), "weight": 0.7}]
+    tables["ellipsoid"] = {"resolution": resolution}
+    cell = Cell.of(parse(tables))
+    objective = objective_of(cell.problem)
+    nlp = PostureProgram(cell.system, cell.gram, objective).expressions
+    stacked = ca.vertcat(nlp["f"], nlp["g"])
+    values = ca.Function("values", [nlp["x"], nlp["p"]], [stacked])
+    slopes = ca.Function("slopes", [nlp["x"], nlp["p"]], [ca.jacobian(stacked, nlp["x"])])
+    parameters = np.concatenate([cell.parameters, objective.numbers])
     rng = np.random.default_rng(1)
-    for _ in range(3):
-        at = rng.uniform(-1.2, 1.2, q.shape[0])
-        exact = np.array(slopes(at, cell.parameters))
+    for _ in range(2):
+        at = rng.uniform(-1.2, 1.2, nlp["x"].shape[0])
+        exact = np.array(slopes(at, parameters))
         step = 1e-5
         for j in range(len(at)):
             shift = np.zeros(len(at))
             shift[j] = step
             # Fourth order, so that the difference itself is good to more than the bound.
-            f = [np.array(values(at + k * shift, cell.parameters)).ravel() for k in (-2, -1, 1, 2)]
+            f = [np.array(values(at + k * shift, parameters)).ravel() for k in (-2, -1, 1, 2)]
             differences = (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * step)
             scale = np.abs(exact).max(axis=1)
             assert np.all(np.abs(exact[:, j] - differences) <= 1e-6 * np.maximum(scale, 1.0))

@@ -1,8 +1,8 @@
 """Where the posture program starts from, and what its local optima are.
 
-With the object held still G = Σ G_i, and G_i depends on the joints of arm i alone. So each arm is
-closed on its own, each closed posture is evaluated once, and arms meet only in sums of m × m
-matrices.
+With the object held still G is made of sums over the arms, and a term depends on the joints of one
+arm alone. So each arm is closed on its own, each closed posture is evaluated once, and arms meet
+only in sums of m × m matrices.
 """
 
 from __future__ import annotations

@@ -50,6 +50,13 @@ class Link(Spec):
     radius: Positive = 0.03
 
 
+def _without(data: Any, key: str, text: str) -> Any:
+    """Refuse the key that tells an arm of the other spaces, before its others are unknown."""
+    if isinstance(data, dict) and key in data:
+        raise PydanticCustomError("copose", "{text}", {"text": text})
+    return data
+
+
 class ArmSpec(Spec):
     """What arms of both kinds have in common; arrays go by free joints, root to tip."""
 
@@ -74,11 +81,11 @@ class UrdfArm(ArmSpec):
     @model_validator(mode="before")
     @classmethod
     def _kind(cls, data: Any) -> Any:
-        if isinstance(data, dict) and "links" in data:
-            raise PydanticCustomError(
-                "copose", "an arm by its links belongs to the planar spaces; here give urdf and tip"
-            )
-        return data
+        return _without(
+            data,
+            "links",
+            "an arm by its links belongs to the planar spaces; here give urdf and tip",
+        )
 
 
 class PlanarArm(ArmSpec):
@@ -92,8 +99,6 @@ class PlanarArm(ArmSpec):
     @model_validator(mode="before")
     @classmethod
     def _kind(cls, data: Any) -> Any:
-        if isinstance(data, dict) and "urdf" in data:
-            raise PydanticCustomError(
-                "copose", "an arm by its URDF belongs to the spatial spaces; here give links"
-            )
-        return data
+        return _without(
+            data, "urdf", "an arm by its URDF belongs to the spatial spaces; here give links"
+        )

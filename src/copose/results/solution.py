@@ -219,9 +219,3 @@ class Solution(Record):
         if data["nearest_miss"] is None:
             del data["nearest_miss"]
         return data
-
-    @property
-    def gain(self) -> float | None:
-        """Objective after minus before."""
-        before, after = self.objective.before, self.objective.after
-        return None if before is None or after is None else after - before
