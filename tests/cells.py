@@ -6,10 +6,26 @@ import copy
 import tomllib
 from pathlib import Path
 
+import numpy as np
+
+from copose.planning.arm_kernels import ArmKernels, Placer
+from copose.planning.cell import Cell
+from copose.planning.closing import CLOSED, project
+from copose.robots import finite_range
 from reference import PROBLEMS
 
 PANDA = "example-robot-data://panda_description/urdf/panda.urdf"
 FILES = sorted(PROBLEMS.glob("*.toml"))
+
+
+def closed_postures(ready: Cell, i: int, count: int = 512, seed: int = 0) -> np.ndarray:
+    """Random postures of arm i, drawn and projected within its limits, that hold the object."""
+    kernels = ArmKernels.of(ready.system.arms[i], ready.resolution)
+    goal = Placer(ready.system, ready.scales)(ready.parameters).goals[i]
+    low, high = finite_range(ready.lower[i], ready.upper[i])
+    drawn = np.random.default_rng([seed, i]).uniform(low, high, (count, len(low)))
+    q, gaps = project(kernels, drawn, goal, ready.lower[i], ready.upper[i])
+    return q[gaps < CLOSED]
 
 
 def tables(name: str) -> dict:

@@ -69,7 +69,8 @@ def test_pinocchio_agrees(name: str, dressed: bool) -> None:
     mechanics = system.arms[0]
     gravity = np.array([0.5, -1.0, -9.81])
     outputs = [
-        mechanics.position, mechanics.rotation, mechanics.quaternion, mechanics.J, mechanics.M,
+        mechanics.tip.position, mechanics.tip.rotation, mechanics.tip.quaternion,
+        mechanics.J, mechanics.M,
         mechanics.gravity_torques(gravity),
     ]  # fmt: skip
     function = ca.Function("all", [mechanics.q], outputs)
@@ -108,7 +109,7 @@ def test_planar_arms_agree_with_sums_over_links(space: str) -> None:
     system = System.of(problem.space, load_arms(problem))
     rng = np.random.default_rng(0)
     for arm in system.arms:
-        function = ca.Function("all", [arm.q], [arm.position, arm.rotation, arm.J, arm.M])
+        function = ca.Function("all", [arm.q], [arm.tip.position, arm.tip.rotation, arm.J, arm.M])
         q = rng.uniform(-3, 3, arm.arm.n)
         tip, J, M, _ = truth.arms[arm.arm.name].at(q)
         for ours, theirs in zip(
@@ -175,7 +176,7 @@ def test_closure_vanishes_at_the_goal_and_not_at_a_flipped_hand() -> None:
     rng = np.random.default_rng(0)
     for i, arm in enumerate(system.arms):
         q = rng.uniform(arm.arm.lower, arm.arm.upper)
-        tip = ca.Function("tip", [arm.q], [arm.position, arm.rotation])
+        tip = ca.Function("tip", [arm.q], [arm.tip.position, arm.tip.rotation])
         position, rotation = (np.array(x) for x in tip(q))
         closure = ca.Function("closure", [arm.q, system.object.parameters], [system.closure(i)])
         # An object placed so that the tip is exactly at its grasp, or flipped about an axis there.

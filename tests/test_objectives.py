@@ -10,14 +10,12 @@ import numpy as np
 import pytest
 
 import copose
-from cells import planar, tables, two_pandas
+from cells import closed_postures, planar, tables, two_pandas
 from copose.capability import Ellipsoid
 from copose.planning.cell import Cell
-from copose.planning.closing import Projector
 from copose.planning.measuring import Meter
 from copose.planning.objectives import objective_of
 from copose.planning.program import PostureProgram
-from copose.planning.search import sample_arm
 from copose.problem import parse
 from reference import Problem as Truth
 from test_resolutions import SIZES, SPACES, cell_of
@@ -70,7 +68,7 @@ def test_twenty_of_twenty_closed_starts_converge(
     ready = Cell.of(parse(cell))
     objective = objective_of(ready.problem)
     program = PostureProgram(ready.system, ready.gram, objective)
-    samples = [sample_arm(ready, Projector(ready.system, i), i).closed for i in range(2)]
+    samples = [closed_postures(ready, i) for i in range(2)]
     bounds = np.concatenate(ready.lower), np.concatenate(ready.upper)
     truth = Truth(cell, {arm.name: list(arm.joint_names) for arm in ready.arms})
     meter = Meter(ready)
@@ -79,7 +77,7 @@ def test_twenty_of_twenty_closed_starts_converge(
         end = program.solve(start, ready.parameters, *bounds)
         assert end.converged, (k, end.status)
         assert max(end.violations.values()) <= 1e-8
-        measured = meter.measure(ready.system.split(end.q))
+        measured = meter.measure(ready, ready.system.split(end.q))
         assert measured.ellipsoid is not None
         value = objective.of(measured.ellipsoid)
         joints = dict(zip(truth.arms, ready.system.split(end.q), strict=True))
@@ -117,9 +115,9 @@ def test_no_direction_is_longer_than_the_worst_is_short() -> None:
     assert min(radii) == pytest.approx(solution.objective.after, rel=1e-5)
     ready = Cell.of(problem)
     meter = Meter(ready)
-    samples = [sample_arm(ready, Projector(ready.system, i), i).closed for i in range(2)]
+    samples = [closed_postures(ready, i) for i in range(2)]
     for a, b in itertools.product(samples[0][:15], samples[1][:15]):
-        other = meter.measure([a, b]).ellipsoid
+        other = meter.measure(ready, [a, b]).ellipsoid
         assert other is None or other.radii[-1] <= solution.objective.after + 1e-9
 
 
@@ -209,7 +207,7 @@ class TestUnitOfLength:
             rng = np.random.default_rng(0)
             values = []
             for _ in range(40):
-                E = meter.measure(ready.system.split(rng.uniform(-1.5, 1.5, 8))).ellipsoid
+                E = meter.measure(ready, ready.system.split(rng.uniform(-1.5, 1.5, 8))).ellipsoid
                 values.append(objective.of(E))
             ranked.append(values)
             notes = copose.check(problem).notes
@@ -328,7 +326,7 @@ def test_redundant_prismatic_joints_depend_on_the_unit_of_length(tmp_path) -> No
             stretch = np.array([1, 1, s, 1, 1, 1, 1])
             logs = []
             for _ in range(20):
-                E = meter.measure([rng.uniform(-1.5, 1.5, 7) * stretch]).ellipsoid
+                E = meter.measure(ready, [rng.uniform(-1.5, 1.5, 7) * stretch]).ellipsoid
                 logs.append(E.log_volume)
             values.append(logs)
         spreads[resolution] = np.ptp(np.array(values[1]) - np.array(values[0]))

@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 
 import copose
-from cells import FILES, flat_arm, planar, random_cell, tables, two_pandas
+from cells import FILES, closed_postures, flat_arm, planar, random_cell, tables, two_pandas
 from copose.mechanics import object_parameters
 from copose.planning.cell import Cell
-from copose.planning.closing import CLOSED, Projector
 from copose.planning.objectives import Volume
 from copose.planning.program import PostureProgram
-from copose.planning.search import sample_arm
 from copose.poses import Pose
 from copose.problem import parse
 from copose.results import Posture, Solution, to_json
@@ -118,17 +116,13 @@ def test_the_optimum_of_an_exhaustive_search(space: str) -> None:
     solution = solved(cell)
     ready = Cell.of(parse(cell))
     truth = Truth(cell)
-    rng = np.random.default_rng(99)
     grams = []
     W = np.hstack([truth.W(table) for table in cell["arms"]])
     W_pinv = np.linalg.pinv(W)
     m = len(truth.rows)
     for i, table in enumerate(cell["arms"]):
-        projector = Projector(ready.system, i)
-        drawn = rng.uniform(-np.pi, np.pi, (3000, len(table["links"])))
-        q, gap = projector.project(drawn, ready.parameters, ready.lower[i], ready.upper[i])
         mine = []
-        for joints in q[gap < CLOSED]:
+        for joints in closed_postures(ready, i, 3000, seed=99):
             _, J, M, _ = truth.arms[table["name"]].at(joints)
             J = J[truth.rows]
             if np.linalg.matrix_rank(J, tol=1e-9) < m:
@@ -212,9 +206,7 @@ def test_object_pose_mass_and_inertia_are_parameters() -> None:
     pose = Pose.from_rpy([0.52, 0.03, 0.48], [0.05, -0.02, 0.1])
     parameters = object_parameters(pose, 3.0, np.diag([0.05, 0.04, 0.03]))
     assert np.array_equal(parameters, other.parameters)
-    start = np.concatenate(
-        [sample_arm(other, Projector(other.system, i), i).closed[0] for i in range(2)]
-    )
+    start = np.concatenate([closed_postures(other, i)[0] for i in range(2)])
     bounds = np.concatenate(other.lower), np.concatenate(other.upper)
     ends = [
         built.solve(start, parameters, *bounds)
@@ -447,13 +439,9 @@ def test_verify_sees_every_number_that_is_off() -> None:
 def test_projection_respects_limits_and_closes() -> None:
     ready = Cell.of(parse(two_pandas()))
     truth = Truth(two_pandas(), {arm.name: list(arm.joint_names) for arm in ready.arms})
-    rng = np.random.default_rng(0)
     for i, arm in enumerate(ready.arms):
-        q, gap = Projector(ready.system, i).project(
-            rng.uniform(arm.lower, arm.upper, (200, arm.n)), ready.parameters, arm.lower, arm.upper
-        )
-        assert np.all(q >= arm.lower) and np.all(q <= arm.upper)
-        closed = q[gap < CLOSED]
+        closed = closed_postures(ready, i, 200)
+        assert np.all(closed >= arm.lower) and np.all(closed <= arm.upper)
         assert len(closed) > 20
         goal = truth.object * _grasp(truth, arm.name)
         for joints in closed[:20]:

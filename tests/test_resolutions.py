@@ -62,7 +62,7 @@ def test_gram_and_center_by_the_equations_of_motion(
         cell["object"].update(inertia=[0.02, 0.05, 0.04], rpy=[0.3, -0.2, 0.5])
     cell["world"] = {"gravity": [0.3, -9.0] if space.startswith("planar") else [0.4, -0.2, -9.5]}
     for ready, truth, q, joints in postures(cell, 5):
-        measured = Meter(ready).measure(q)
+        measured = Meter(ready).measure(ready, q)
         factor, center = truth.ellipsoid(joints)
         E = measured.ellipsoid
         assert E is not None
@@ -79,7 +79,7 @@ def test_torques_of_the_ball_through_the_constrained_dynamics(space: str, scalin
     cell = cell_of(space, resolution="torque-optimal", torque_scaling=scaling)
     rng = np.random.default_rng(1)
     for ready, truth, q, joints in postures(cell, 4):
-        optimal = Meter(ready).measure(q).ellipsoid
+        optimal = Meter(ready).measure(ready, q).ellipsoid
         paper = Ellipsoid.from_factor(truth.at(joints).factor / truth.limits()[:, None])
         assert optimal is not None
         B, _ = truth.constrained_dynamics(joints)
@@ -125,7 +125,7 @@ def test_gram_is_the_least_torque_over_null_motions_and_internal_forces(
     import scipy.linalg
 
     for ready, truth, q, joints in postures(cell, 3):
-        E = Meter(ready).measure(q).ellipsoid
+        E = Meter(ready).measure(ready, q).ellipsoid
         assert E is not None
         T = truth.limits()
         parts = [truth.arms[name].at(np.array(joints[name])) for name in joints]
@@ -152,7 +152,9 @@ def test_torque_optimal_is_exact_to_1e6(space: str, condition: float) -> None:
         (ca.SX.sym("J", m, arm.arm.n), ca.SX.sym("M", arm.arm.n, arm.arm.n)) for arm in system.arms
     ]
     arms = zip(system.arms, symbols, strict=True)
-    bare = replace(system, arms=tuple(replace(arm, J=J, M=M) for arm, (J, M) in arms))
+    bare = replace(
+        system, arms=tuple(replace(arm, J_root=arm.R_world_root.T @ J, M=M) for arm, (J, M) in arms)
+    )
     rng = np.random.default_rng(int(condition))
     scales = [rng.uniform(5, 90, arm.arm.n) for arm in system.arms]
     factor = ca.Function(
@@ -225,7 +227,10 @@ def test_axes_keep_the_slice_of_the_centred_ellipsoid(resolution: str) -> None:
     for (ready, _, q, _), (sliced, truth, _, joints) in zip(
         postures(whole, 3), postures(part, 3), strict=True
     ):
-        E, slice_ = Meter(ready).measure(q).ellipsoid, Meter(sliced).measure(q).ellipsoid
+        E, slice_ = (
+            Meter(ready).measure(ready, q).ellipsoid,
+            Meter(sliced).measure(sliced, q).ellipsoid,
+        )
         assert E is not None and slice_ is not None
         assert np.allclose(slice_.gram, E.gram[np.ix_([2, 0], [2, 0])], rtol=1e-10)
         assert np.allclose(slice_.center, E.center[[2, 0]])
@@ -239,7 +244,7 @@ def test_both_volumes_are_reported_whichever_is_optimised() -> None:
     for resolution in ("pseudoinverse", "torque-optimal"):
         cell = cell_of("spatial", resolution=resolution)
         for ready, _, q, _ in postures(cell, 1):
-            measured = Meter(ready).measure(q)
+            measured = Meter(ready).measure(ready, q)
             assert measured.ellipsoid is not None
             volumes.append(measured.posture.log_volumes)
             assert volumes[-1][resolution] == measured.ellipsoid.log_volume

@@ -14,7 +14,7 @@ from copose.version import __version__
 
 if TYPE_CHECKING:
     from copose.capability import Ellipsoid
-    from copose.planning import Check, check, evaluate, solve, verify
+    from copose.planning import Check, Planner, check, evaluate, solve, verify
     from copose.problem import Problem, load, parse
     from copose.report import compare, draw
     from copose.results import Solution, read_solution
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Check": "planning",
     "Ellipsoid": "capability",
+    "Planner": "planning",
     "Problem": "problem",
     "Solution": "results",
     "check": "planning",
@@ -40,6 +41,7 @@ __all__ = [
     "CoposeError",
     "Ellipsoid",
     "InputError",
+    "Planner",
     "Problem",
     "Solution",
     "__version__",

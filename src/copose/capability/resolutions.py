@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from copose.mechanics import ArmMechanics, System
+from copose.mechanics import ArmMechanics, Coupling, System
 from copose.poses import Array
 
 
@@ -25,10 +25,14 @@ class Resolution(ABC):
 
     name: ClassVar[str]
     assumes: ClassVar[str]
+    n_terms: ClassVar[int]
+    """How many matrices an arm adds."""
 
     @abstractmethod
-    def arm_terms(self, system: System, i: int, scale: Array) -> tuple[ca.SX, ...]:
-        """What arm i adds to the sums that G is made of, (m, m) each."""
+    def arm_terms(
+        self, arm: ArmMechanics, coupling: Coupling, scale: Array | ca.SX
+    ) -> tuple[ca.SX, ...]:
+        """What an arm adds to the sums that G is made of, (m, m) each."""
 
     @abstractmethod
     def gram(self, terms: Sequence[ca.SX], M_o: ca.SX) -> ca.SX:
@@ -44,7 +48,10 @@ class Resolution(ABC):
 
     def system_gram(self, system: System, scales: Sequence[Array]) -> ca.SX:
         """G of a system, (m, m)."""
-        per_arm = [self.arm_terms(system, i, scale) for i, scale in enumerate(scales)]
+        per_arm = [
+            self.arm_terms(arm, system.coupling(i), scale)
+            for i, (arm, scale) in enumerate(zip(system.arms, scales, strict=True))
+        ]
         return self.gram([sum(parts[1:], parts[0]) for parts in zip(*per_arm, strict=True)],
                          system.object.M_o)  # fmt: skip
 
@@ -58,10 +65,13 @@ class Pseudoinverse(Resolution):
 
     name = "pseudoinverse"
     assumes = "least-norm q̈ and h"
+    n_terms = 1
 
-    def arm_terms(self, system: System, i: int, scale: Array) -> tuple[ca.SX, ...]:
+    def arm_terms(
+        self, arm: ArmMechanics, coupling: Coupling, scale: Array | ca.SX
+    ) -> tuple[ca.SX, ...]:
         """(T⁻¹A_i)ᵀ(T⁻¹A_i)."""
-        block = torque_map(system, i) / ca.DM(scale)
+        block = _coupled_torque_map(arm, coupling) / _column(scale)
         return (block.T @ block,)
 
     def gram(self, terms: Sequence[ca.SX], M_o: ca.SX) -> ca.SX:
@@ -85,11 +95,14 @@ class TorqueOptimal(Resolution):
 
     name = "torque-optimal"
     assumes = "q̈ and h of least torque"
+    n_terms = 2
 
-    def arm_terms(self, system: System, i: int, scale: Array) -> tuple[ca.SX, ...]:
-        """W_iΛ_iW_iᵀ and arm i's summand of R."""
-        V, P = _inertia_factors(system, i)
-        Y = V @ (P * ca.DM(scale)).T
+    def arm_terms(
+        self, arm: ArmMechanics, coupling: Coupling, scale: Array | ca.SX
+    ) -> tuple[ca.SX, ...]:
+        """W_iΛ_iW_iᵀ and the arm's summand of R."""
+        V, P = _inertia_factors(arm, coupling)
+        Y = V @ (P * _column(scale)).T
         return V @ V.T, Y @ Y.T
 
     def gram(self, terms: Sequence[ca.SX], M_o: ca.SX) -> ca.SX:
@@ -102,7 +115,7 @@ class TorqueOptimal(Resolution):
         """U⁻ᵀS, (m, m), where UᵀU = R comes from the QR factors of R's square root."""
         S, rows = system.object.M_o, []
         for i, scale in enumerate(scales):
-            V, P = _inertia_factors(system, i)
+            V, P = _inertia_factors(system.arms[i], system.coupling(i))
             S = S + V @ V.T
             rows.append((P * ca.DM(scale)) @ V.T)
         _, U = ca.qr(ca.vertcat(*rows))
@@ -122,29 +135,38 @@ RESOLUTIONS: dict[str, Resolution] = {
 
 
 def own_torque_map(arm: ArmMechanics) -> ca.SX:
-    """M J⁺: torques τ = M J⁺ a that accelerate the arm's own tip by a, (n, m).
-
-    J⁺ = Q R⁻ᵀ from Jᵀ = Q R: through J Jᵀ half of the digits would be lost.
-    """
-    Q, R = ca.qr(arm.J.T)
-    return ca.solve(R, (arm.M @ Q).T).T
+    """M J⁺: torques τ = M J⁺ a that accelerate the arm's own tip by a, world axes, (n, m)."""
+    return _inertia_times_pinv(arm.M, arm.J)
 
 
 def torque_map(system: System, i: int) -> ca.SX:
     """Arm i's block of A_o, M J⁺W_iᵀ + Jᵀ(W⁺)_iM_o, (n_i, m): τ_i = A_i a_o."""
-    arm, held = system.arms[i], system.object
-    return own_torque_map(arm) @ held.W[i].T + arm.J.T @ (held.W_pinv[i] @ held.M_o)
+    return _coupled_torque_map(system.arms[i], system.coupling(i))
 
 
-def _inertia_factors(system: System, i: int) -> tuple[ca.SX, ca.SX]:
+def _coupled_torque_map(arm: ArmMechanics, coupling: Coupling) -> ca.SX:
+    through_motion = _inertia_times_pinv(arm.M, arm.J_root) @ coupling.motion
+    return through_motion + arm.J_root.T @ coupling.load
+
+
+def _inertia_times_pinv(M: ca.SX, J: ca.SX) -> ca.SX:
+    """M J⁺ with J⁺ = Q R⁻ᵀ from Jᵀ = Q R: through J Jᵀ half of the digits would be lost."""
+    Q, R = ca.qr(J.T)
+    return ca.solve(R, (M @ Q).T).T
+
+
+def _inertia_factors(arm: ArmMechanics, coupling: Coupling) -> tuple[ca.SX, ca.SX]:
     """V, (m, m), and P, (n, m), with W_iΛ_iW_iᵀ = V Vᵀ and W_iΛ_iJ_iM_i⁻¹ = V Pᵀ.
 
     From M = LLᵀ and L⁻¹Jᵀ = Q U: Λ = U⁻¹U⁻ᵀ, V = W U⁻¹, P = L⁻ᵀQ.
     """
-    arm, W = system.arms[i], system.object.W[i]
     R_M = ca.chol(arm.M)
-    Q, U = ca.qr(ca.solve(R_M.T, arm.J.T))
-    return ca.solve(U.T, W.T).T, ca.solve(R_M, Q)
+    Q, U = ca.qr(ca.solve(R_M.T, arm.J_root.T))
+    return ca.solve(U.T, coupling.motion).T, ca.solve(R_M, Q)
+
+
+def _column(scale: Array | ca.SX) -> ca.DM | ca.SX:
+    return scale if isinstance(scale, ca.SX) else ca.DM(scale)
 
 
 def zero_torque_acceleration(system: System, gravity: ca.SX, velocity: ca.SX) -> ca.SX:
@@ -166,7 +188,7 @@ def zero_torque_acceleration(system: System, gravity: ca.SX, velocity: ca.SX) ->
     gyroscopic = ca.vertcat(ca.SX(3, 1), ca.cross(omega, held.inertia @ omega))[rows]
     S, force = held.M_o, weight - gyroscopic
     for i, arm in enumerate(system.arms):
-        V, P = _inertia_factors(system, i)
+        V, P = _inertia_factors(arm, system.coupling(i))
         Q, R = ca.qr(arm.J.T)
         speed = Q @ ca.solve(R.T, held.W[i].T @ velocity)
         swing = ca.cross(omega, ca.cross(omega, held.contacts[i]))

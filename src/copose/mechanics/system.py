@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from copose.errors import InputError
-from copose.mechanics.chain import Chain, constant, multiply_quaternions
+from copose.mechanics.chain import Chain, Frame, constant, multiply_quaternions
 from copose.mechanics.dynamics import gravity_torques, mass_matrix
 from copose.mechanics.held_object import HeldObject
 from copose.poses import Array
@@ -18,27 +18,52 @@ from copose.robots import Arm, finite_range
 
 
 @dataclass(frozen=True, eq=False)
+class Goal:
+    """Where a tip should be, in the arm's root frame.
+
+    Attributes:
+        position: m, (3,).
+        quaternion: unit, [w, x, y, z].
+    """
+
+    position: ca.SX
+    quaternion: ca.SX
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """How an arm is tied to the object, in the arm's root axes.
+
+    Attributes:
+        motion: X_i with a_i = X_i a_o, the acceleration of the contact, (m, m): W_iᵀ turned.
+        load: Y_i with h_i = Y_i a_o, the arm's share of the object's inertial wrench by W⁺, (m, m):
+            (W⁺)_i M_o turned.
+    """
+
+    motion: ca.SX
+    load: ca.SX
+
+
+@dataclass(frozen=True, eq=False)
 class ArmMechanics:
-    """Expressions of one arm's joint positions, world axes.
+    """Expressions of one arm's joint positions.
+
+    Wherever the root stands, its frame serves: arms of one model share these expressions.
 
     Attributes:
         arm: the numbers.
+        space: the task space.
         q: joint positions, (n,).
         chain: frames in the root frame.
-        position: tip origin in the world.
-        rotation: R_world_tip.
-        quaternion: the same, multiplied along the chain.
-        J: task rows of the geometric Jacobian of the tip's origin, (m, n).
+        J_root: task rows of the geometric Jacobian of the tip's origin, root axes, (m, n).
         M: joint inertia, (n, n).
     """
 
     arm: Arm
+    space: Space
     q: ca.SX
     chain: Chain
-    position: ca.SX
-    rotation: ca.SX
-    quaternion: ca.SX
-    J: ca.SX
+    J_root: ca.SX
     M: ca.SX
 
     @classmethod
@@ -46,20 +71,45 @@ class ArmMechanics:
         """The expressions of an arm."""
         q = ca.SX.sym(f"q_{arm.name}", arm.n)
         chain = Chain.of(arm, q)
-        R_world_root = constant(arm.base.rotation)
-        J = ca.diagcat(R_world_root, R_world_root) @ chain.jacobian()
-        return cls(
-            arm=arm,
-            q=q,
-            chain=chain,
-            position=_in_world(arm, chain.tip.position),
-            rotation=R_world_root @ chain.tip.rotation,
-            quaternion=multiply_quaternions(
-                ca.SX(ca.DM(arm.base.quaternion)), chain.tip.quaternion
-            ),
-            J=J[list(space.rows), :],
-            M=mass_matrix(chain),
+        J_root = chain.jacobian()[list(space.rows), :]
+        return cls(arm, space, q, chain, J_root, mass_matrix(chain))
+
+    @property
+    def R_world_root(self) -> ca.SX:
+        """Turns task vectors from root axes to world axes, (m, m)."""
+        R, rows = constant(self.arm.base.rotation), list(self.space.rows)
+        return ca.diagcat(R, R)[rows, rows]
+
+    @property
+    def J(self) -> ca.SX:
+        """Task rows of the geometric Jacobian of the tip's origin, world axes, (m, n)."""
+        return self.R_world_root @ self.J_root
+
+    @property
+    def tip(self) -> Frame:
+        """Tip frame in the world."""
+        base, tip = self.arm.base, self.chain.tip
+        return Frame(
+            _in_world(self.arm, tip.position),
+            constant(base.rotation) @ tip.rotation,
+            multiply_quaternions(ca.SX(ca.DM(base.quaternion)), tip.quaternion),
         )
+
+    def pose_error(self, goal: Goal) -> tuple[ca.SX, ca.SX]:
+        """p_tip − p_goal in root axes, m, (3,), and the quaternion q_goal⁻¹ ⊗ q_tip, (4,)."""
+        back = ca.vertcat(goal.quaternion[0], -goal.quaternion[1:])
+        tip = self.chain.tip
+        return tip.position - goal.position, multiply_quaternions(back, tip.quaternion)
+
+    def closure(self, goal: Goal) -> ca.SX:
+        """How far the tip is from a goal; zero there and nowhere else.
+
+        Position error, m, over twice the vector part of the quaternion error where contacts are
+        rigid: 2 sin(θ/2)·axis, rad near the goal, and 2, not 0, for a hand flipped by 180°. Task
+        rows only, (m,).
+        """
+        position, quaternion = self.pose_error(goal)
+        return ca.vertcat(position, 2 * quaternion[1:])[list(self.space.rows)]
 
     def gravity_torques(self, gravity: Array | ca.SX) -> ca.SX:
         """Torques that hold the arm, (n,); gravity in world axes, m/s²."""
@@ -82,8 +132,8 @@ class ArmMechanics:
     @property
     def skeleton(self) -> ca.SX:
         """Points to draw the arm by: root, joint origins, tip; (3, n + 2), world."""
-        points = [ca.SX(3, 1), *(f.position for f in self.chain.frames), self.chain.tip.position]
-        return ca.horzcat(*(_in_world(self.arm, point) for point in points))
+        points = [ca.SX(3, 1), *(frame.position for frame in self.chain.frames)]
+        return ca.horzcat(*(_in_world(self.arm, point) for point in points), self.tip.position)
 
 
 def _in_world(arm: Arm, point: ca.SX) -> ca.SX:
@@ -128,24 +178,29 @@ class System:
         """Stacked joint positions, arm by arm."""
         return np.split(q, np.cumsum([arm.arm.n for arm in self.arms])[:-1])
 
+    def goal(self, i: int) -> Goal:
+        """Where the object wants the tip of arm i."""
+        base, grasp, held = self.arms[i].arm.base, self.arms[i].arm.grasp, self.object
+        position = held.position + held.rotation @ constant(grasp.position)
+        quaternion = multiply_quaternions(held.quaternion, ca.SX(ca.DM(grasp.quaternion)))
+        back = ca.SX(ca.DM(base.inverse().quaternion))
+        return Goal(
+            constant(base.rotation.T) @ (position - constant(base.position)),
+            multiply_quaternions(back, quaternion),
+        )
+
+    def coupling(self, i: int) -> Coupling:
+        """How arm i is tied to the object."""
+        turn, held = self.arms[i].R_world_root.T, self.object
+        return Coupling(turn @ held.W[i].T, turn @ held.W_pinv[i] @ held.M_o)
+
     def pose_error(self, i: int) -> tuple[ca.SX, ca.SX]:
-        """p_tip − p_goal, m, (3,), and the quaternion q_goal⁻¹ ⊗ q_tip, (4,), of arm i."""
-        arm, held = self.arms[i], self.object
-        grasp = arm.arm.grasp
-        goal = held.position + held.rotation @ constant(grasp.position)
-        turn = multiply_quaternions(held.quaternion, ca.SX(ca.DM(grasp.quaternion)))
-        back = ca.vertcat(turn[0], -turn[1:])
-        return arm.position - goal, multiply_quaternions(back, arm.quaternion)
+        """`ArmMechanics.pose_error` of arm i at its grasp."""
+        return self.arms[i].pose_error(self.goal(i))
 
     def closure(self, i: int) -> ca.SX:
-        """How far arm i is from its grasp; zero at the goal and nowhere else.
-
-        Position error, m, over twice the vector part of the quaternion error where contacts are
-        rigid: 2 sin(θ/2)·axis, rad near the goal, and 2, not 0, for a hand flipped by 180°. Task
-        rows only, (m,).
-        """
-        position, quaternion = self.pose_error(i)
-        return ca.vertcat(position, 2 * quaternion[1:])[list(self.space.rows)]
+        """`ArmMechanics.closure` of arm i at its grasp."""
+        return self.arms[i].closure(self.goal(i))
 
 
 def _check_mass_matrix(mechanics: ArmMechanics, key: str) -> None:

@@ -2,6 +2,6 @@
 
 from copose.planning.checking import Check, check
 from copose.planning.evaluating import evaluate, verify
-from copose.planning.solving import solve
+from copose.planning.planner import Planner, solve
 
-__all__ = ["Check", "check", "evaluate", "solve", "verify"]
+__all__ = ["Check", "Planner", "check", "evaluate", "solve", "verify"]

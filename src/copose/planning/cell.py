@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from copose.capability import RESOLUTIONS, Resolution
-from copose.errors import InputError
+from copose.errors import InputError, nearest
 from copose.mechanics import System, object_parameters
-from copose.poses import Array
-from copose.problem import Problem
+from copose.poses import Array, Mask
+from copose.problem import Problem, moved
 from copose.robots import Arm, load_arms
 
 
@@ -53,13 +54,12 @@ class Cell:
             scales = _torque_scales(problem, arms)
         except InputError as error:
             raise InputError(error.message, key=error.key, file=problem.source) from None
-        thing, margin = problem.object, problem.constraints.joint_margin
-        inertia = thing.inertia if thing.inertia is not None else 0.0
+        margin = problem.constraints.joint_margin
         return cls(
             problem=problem,
             arms=arms,
             system=system,
-            parameters=object_parameters(thing.pose, thing.mass, inertia),
+            parameters=_parameters(problem),
             lower=tuple(arm.lower + margin for arm in arms),
             upper=tuple(arm.upper - margin for arm in arms),
             resolution=RESOLUTIONS[problem.ellipsoid.resolution],
@@ -85,10 +85,59 @@ class Cell:
         axes = list(self.problem.axes)
         return self.resolution.system_gram(self.system, self.scales)[axes, axes]
 
-    def wrapped(self, i: int, q: Array) -> Array:
-        """Positions of arm i, (..., n), with unlimited revolute joints in (−π, π]."""
-        unlimited = np.isinf(self.arms[i].lower) & np.isinf(self.arms[i].upper)
-        return np.where(unlimited, self.nearest_turn(i, q), q)
+    def folded(self, i: int, q: Array) -> Array:
+        """Positions of arm i, (..., n), moved by whole turns into the limits, or near them.
+
+        Of several positions within the limits it is the one in (−π, π], else that nearest to it.
+        """
+        lower, upper, turn = self.lower[i], self.upper[i], 2 * np.pi
+        q = self.nearest_turn(i, q)
+        with np.errstate(invalid="ignore"):
+            below, above = np.maximum(lower - q, 0.0), np.maximum(q - upper, 0.0)
+            up, down = q + turn * np.ceil(below / turn), q - turn * np.ceil(above / turn)
+        # Where no turn helps, the end of the range that is nearer.
+        up_excess, down_excess = np.maximum(up - upper, 0.0), np.maximum(lower - down, 0.0)
+        shifted = np.where(below > 0, np.where(up_excess <= below, up, q),
+                           np.where(down_excess <= above, down, q))  # fmt: skip
+        return np.where(self._revolute[i] & ((below > 0) | (above > 0)), shifted, q)
+
+    def given(self, joints: Mapping[str, Sequence[float]]) -> list[Array]:
+        """Joint positions by name as arrays in the order of the arms, (n_i,) each.
+
+        Raises:
+            InputError: they do not fit the arms.
+        """
+        names = [arm.name for arm in self.arms]
+        for name in joints:
+            if name not in names:
+                raise InputError(f"no arm is called {name!r}{nearest(name, names)}", key="joints")
+        given = []
+        for arm in self.arms:
+            q = np.array(joints.get(arm.name, ()), dtype=float)
+            if q.shape != (arm.n,) or not np.all(np.isfinite(q)):
+                raise InputError(
+                    f"{arm.n} finite numbers are needed, for {', '.join(arm.joint_names)}",
+                    key=f"joints.{arm.name}",
+                )
+            given.append(q)
+        return given
+
+    def turns(self, i: int) -> Mask:
+        """Which joints of arm i reach every angle, as if they had no limits, (n,)."""
+        return self._revolute[i] & (self.upper[i] - self.lower[i] >= 2 * np.pi)
+
+    def moved(self, place: Mapping[str, object]) -> Cell:
+        """The same cell with the object elsewhere.
+
+        Args:
+            place: ``position`` and ``rpy``, in the plane ``angle``, as in ``[object]``; what it
+                leaves out stays.
+
+        Raises:
+            InputError: it is no place.
+        """
+        problem = moved(self.problem, place)
+        return replace(self, problem=problem, parameters=_parameters(problem))
 
     def unlimited(self, i: int) -> tuple[str, ...]:
         """Names of the revolute joints of arm i that have no limits."""
@@ -100,8 +149,21 @@ class Cell:
 
     def nearest_turn(self, i: int, q: Array) -> Array:
         """Positions or differences of arm i, (..., n), with every revolute joint in (−π, π]."""
-        revolute = np.array([joint.kind == "revolute" for joint in self.arms[i].joints])
-        return np.where(revolute, np.pi - np.mod(np.pi - q, 2 * np.pi), q)
+        turned = np.pi - np.mod(np.pi - q, 2 * np.pi)
+        revolute = self._revolute[i]
+        return turned if revolute.all() else np.where(revolute, turned, q)
+
+    @cached_property
+    def _revolute(self) -> tuple[Mask, ...]:
+        return tuple(
+            np.array([joint.kind == "revolute" for joint in arm.joints]) for arm in self.arms
+        )
+
+
+def _parameters(problem: Problem) -> Array:
+    thing = problem.object
+    inertia = thing.inertia if thing.inertia is not None else 0.0
+    return object_parameters(thing.pose, thing.mass, inertia)
 
 
 def _torque_scales(problem: Problem, arms: Sequence[Arm]) -> tuple[Array, ...]:

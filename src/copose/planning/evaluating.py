@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from copose.errors import InputError, nearest
+from copose.errors import InputError
 from copose.planning.answering import answer
 from copose.planning.cell import Cell
 from copose.planning.measuring import Measurement, Meter
@@ -36,10 +36,10 @@ def evaluate(problem: Problem, joints: Mapping[str, Sequence[float]] | None = No
     """
     began = time.perf_counter()
     cell = Cell.of(problem)
-    q = _starts(cell) if joints is None else _given(cell, joints)
+    q = _starts(cell) if joints is None else cell.given(joints)
     meter = Meter(cell)
     built = time.perf_counter()
-    measured = meter.measure(q)
+    measured = meter.measure(cell, q)
     fault = next(_faults(cell, q, measured), None)
     return answer(
         cell,
@@ -64,23 +64,6 @@ def _starts(cell: Cell) -> list[Array]:
             )
         starts.append(arm.start)
     return starts
-
-
-def _given(cell: Cell, joints: Mapping[str, Sequence[float]]) -> list[Array]:
-    names = [arm.name for arm in cell.arms]
-    for name in joints:
-        if name not in names:
-            raise InputError(f"no arm is called {name!r}{nearest(name, names)}", key="joints")
-    given = []
-    for arm in cell.arms:
-        q = np.array(joints.get(arm.name, ()), dtype=float)
-        if q.shape != (arm.n,) or not np.all(np.isfinite(q)):
-            raise InputError(
-                f"{arm.n} finite numbers are needed, for {', '.join(arm.joint_names)}",
-                key=f"joints.{arm.name}",
-            )
-        given.append(q)
-    return given
 
 
 def _faults(cell: Cell, q: Sequence[Array], measured: Measurement) -> Iterator[str]:
@@ -112,8 +95,8 @@ def verify(problem: Problem, solution: Solution) -> tuple[str, ...]:
         stated: Posture | None = getattr(solution, when)
         if stated is None:
             continue
-        joints = _given(cell, stated.joints)
-        measured = meter.measure(joints)
+        joints = cell.given(stated.joints)
+        measured = meter.measure(cell, joints)
         wrong += [f"{when}: {fault}" for fault in _faults(cell, joints, measured)]
         wrong += [f"{when}: {key}" for key in _differences(stated, measured.posture)]
         if (solution.objective.kind, solution.objective.unit) != (objective.kind, objective.unit):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -34,12 +33,27 @@ class Measurement:
     notes: tuple[str, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class Measures:
+    """What many postures are worth; NaN where an arm is singular.
+
+    Attributes:
+        objective: the problem's, (count,).
+        gram: G of the ellipsoid that is asked for, (count, a, a).
+        closure_error: by arm, the larger of a tip's position error, m, and angle error, rad, in the
+            linear spaces the position error, (count,).
+    """
+
+    objective: Array
+    gram: Array
+    closure_error: dict[str, Array]
+
+
 class Meter:
     """Measures postures of one cell; built once, used for every number of a result."""
 
     def __init__(self, cell: Cell) -> None:
         """Build the functions that evaluate a posture."""
-        self._cell = cell
         system = cell.system
         self._arms = [
             ca.Function(
@@ -64,19 +78,20 @@ class Meter:
             ],
         )
 
-    def measure(self, joints: Sequence[Array]) -> Measurement:
+    def measure(self, cell: Cell, joints: Sequence[Array]) -> Measurement:
         """The ellipsoids, the closure and the skeletons of a posture.
 
         Args:
+            cell: with the object where it is.
             joints: positions by arm, (n_i,) each.
         """
-        cell = self._cell
         m, rows = cell.system.space.m, list(cell.system.space.linear)
         errors, records, notes = {}, {}, []
         for arm, function, q in zip(cell.arms, self._arms, joints, strict=True):
             numbers = [np.array(value) for value in function(q, cell.parameters)]
             gap, turn, J, own, skeleton = numbers
-            errors[arm.name] = closure_error(gap[rows], turn, cell.system.space.rigid)
+            error = closure_errors(gap[rows].T, turn.T, cell.system.space.rigid)
+            errors[arm.name] = float(error[0])
             rank = _rank(J)
             if rank < m:
                 notes.append(
@@ -90,12 +105,12 @@ class Meter:
             )
         ellipsoids: dict[str, Ellipsoid | None] = dict.fromkeys(RESOLUTIONS)
         if not notes:
-            whole = self._ellipsoids(joints)
+            whole = self._ellipsoids(cell, joints)
             if any(each is None for each in whole.values()):
                 notes.append(
                     "volume unknown: the equations of motion are singular to working precision"
                 )
-            ellipsoids = {name: self._sliced(each) for name, each in whole.items()}
+            ellipsoids = {name: _sliced(cell, each) for name, each in whole.items()}
             # Whether the object can be kept at rest is a question for all of its coordinates, and
             # not for least-norm rules.
             optimal = whole["torque-optimal"]
@@ -118,9 +133,8 @@ class Meter:
         )
         return Measurement(posture, ellipsoid, tuple(notes))
 
-    def _ellipsoids(self, joints: Sequence[Array]) -> dict[str, Ellipsoid | None]:
+    def _ellipsoids(self, cell: Cell, joints: Sequence[Array]) -> dict[str, Ellipsoid | None]:
         """The system's ellipsoid by each resolution, in all coordinates of the task."""
-        cell = self._cell
         center, *factors = (
             np.array(value)
             for value in self._system(
@@ -132,19 +146,25 @@ class Meter:
             for name, factor in zip(RESOLUTIONS, factors, strict=True)
         }
 
-    def _sliced(self, ellipsoid: Ellipsoid | None) -> Ellipsoid | None:
-        axes = self._cell.problem.axes
-        if ellipsoid is None or axes == tuple(range(self._cell.system.space.m)):
-            return ellipsoid
-        return ellipsoid.sliced(axes)
+
+def _sliced(cell: Cell, ellipsoid: Ellipsoid | None) -> Ellipsoid | None:
+    axes = cell.problem.axes
+    if ellipsoid is None or axes == tuple(range(cell.system.space.m)):
+        return ellipsoid
+    return ellipsoid.sliced(axes)
 
 
-def closure_error(gap: Array, turn: Array, rigid: bool) -> float:
-    """The larger of position error, m, and angle error θ = 2 atan2(|v|, |w|), rad."""
-    distance = float(np.linalg.norm(gap))
-    w, *v = turn.ravel()
-    angle = 2 * math.atan2(float(np.linalg.norm(v)), abs(float(w)))
-    return max(distance, angle) if rigid else distance
+def closure_errors(gap: Array, turn: Array, rigid: bool) -> Array:
+    """The larger of position error, m, and angle error θ = 2 atan2(|v|, |w|), rad; (count,).
+
+    Args:
+        gap: position errors, (count, 3 or 2).
+        turn: quaternions of the angle errors, (count, 4).
+        rigid: whether the angle counts.
+    """
+    distance = np.linalg.norm(gap, axis=1)
+    angle = 2 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), np.abs(turn[:, 0]))
+    return np.asarray(np.maximum(distance, angle) if rigid else distance)
 
 
 def _rank(J: Array) -> int:

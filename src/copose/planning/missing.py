@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from copose.planning.cell import Cell
-from copose.planning.search import ArmSample
+from copose.planning.self_motion import ArmSample
 from copose.poses import Array
 
 _TRIED = 12
+_MISSES_TOLD = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +28,22 @@ class Miss:
 
     q: Array
     reason: str
+
+
+def misses(cell: Cell, samples: Sequence[ArmSample]) -> tuple[list[Array], str]:
+    """The nearest miss of the first arms that miss, and a sentence on each of them."""
+    joints, reasons = [], []
+    missing = [i for i, sample in enumerate(samples) if not len(sample.closed)]
+    for i, sample in enumerate(samples):
+        if i in missing[:_MISSES_TOLD]:
+            miss = nearest_miss(cell, i, sample)
+            joints.append(miss.q)
+            reasons.append(miss.reason)
+        else:
+            joints.append((sample.missed if i in missing else sample.closed)[0])
+    if len(missing) > len(reasons):
+        reasons.append(f"{len(missing) - len(reasons)} more arms miss theirs")
+    return joints, "; ".join(reasons)
 
 
 def nearest_miss(cell: Cell, i: int, sample: ArmSample) -> Miss:
@@ -67,7 +85,7 @@ def nearest_miss(cell: Cell, i: int, sample: ArmSample) -> Miss:
             for q in sample.missed[:_TRIED]
         ]
         best = min(ends, key=lambda end: float(end.cost))
-        return cell.wrapped(i, np.clip(best.x, *bounds))
+        return cell.folded(i, np.clip(best.x, *bounds))
 
     q = nearest(position)
     distance = float(np.linalg.norm(np.array(pose_error(q, cell.parameters)[0])))

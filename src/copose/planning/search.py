@@ -1,130 +1,71 @@
-"""Where the posture program starts from, and what its local optima are.
-
-With the object held still G is made of sums over the arms, and a term depends on the joints of one
-arm alone. So each arm is closed on its own, each closed posture is evaluated once, and arms meet
-only in sums of m × m matrices.
-"""
+"""The global search: self-motions, combinations, polishing, and the evidence for its answer."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
-import casadi as ca
 import numpy as np
 
 from copose.planning.cell import Cell
-from copose.planning.closing import CLOSED, Projector
-from copose.planning.objectives import Objective
-from copose.planning.program import LocalSolve, PostureProgram
-from copose.poses import Array
-from copose.robots import finite_range
+from copose.planning.machinery import Machinery, Setting
+from copose.planning.polishing import Polished
+from copose.planning.program import LocalSolve
+from copose.planning.screening import Screened, screen
+from copose.planning.self_motion import ArmSample, ArmSampler
+from copose.poses import Array, Mask
 
 Progress: TypeAlias = Callable[[str, float], None]
 """Called with what is being done and the fraction of the whole that is behind."""
 
-_BATCH = 256
-_ENOUGH = 100
-_MOST_BATCHES = 16
-_COMBINATIONS = 20_000
-_POLISHED = 10
 _APART = 0.3
 _SAME_OBJECTIVE = 1e-6
 _SAME_JOINTS = 1e-3
+# Optima that differ by less are of equal worth; symmetric cells have some.
+_TIE = 1e-8
+# Ends that did not converge matter where they come near the best.
+_NEAR_BEST = 1e-2
+_KINKED = 10
 
 
-@dataclass(frozen=True, eq=False)
-class ArmSample:
-    """Postures drawn for one arm.
+@dataclass(frozen=True)
+class Effort:
+    """How much is tried.
 
     Attributes:
-        closed: those that hold the object, (count, n).
-        missed: those that do not, nearest first, (count, n).
+        batch: random postures drawn at a time for an arm.
+        batches: of them, at most.
+        loops: postures kept of an arm with one degree of freedom to spare, at most.
+        surfaces: postures kept of an arm with more.
+        starts: random combinations that exchange improves where there are more than two arms.
+        polished: combinations that are polished.
     """
 
-    closed: Array
-    missed: Array
+    batch: int
+    batches: int
+    loops: int
+    surfaces: int
+    starts: int
+    polished: int
+
+    def doubled(self) -> Effort:
+        """Twice as much of everything but for the size of a batch."""
+        return replace(
+            self,
+            batches=2 * self.batches,
+            loops=2 * self.loops,
+            surfaces=2 * self.surfaces,
+            starts=2 * self.starts,
+            polished=2 * self.polished,
+        )
 
 
-def sample_arm(cell: Cell, projector: Projector, i: int) -> ArmSample:
-    """Closed postures of arm i, projected from its start and from random ones by the seed."""
-    rng = np.random.default_rng([cell.problem.search.seed, i])
-    lower, upper = cell.lower[i], cell.upper[i]
-    low, high = finite_range(lower, upper)
-    closed, missed, gaps = [], [], []
-    found = 0
-    for batch in range(_MOST_BATCHES):
-        drawn = rng.uniform(low, high, (_BATCH, len(low)))
-        start = cell.arms[i].start
-        if batch == 0 and start is not None:
-            drawn[0] = start
-        q, gap = projector.project(drawn, cell.parameters, lower, upper)
-        good = gap < CLOSED
-        closed.append(cell.wrapped(i, q[good]))
-        missed.append(q[~good])
-        gaps.append(gap[~good])
-        found += int(good.sum())
-        if found >= _ENOUGH:
-            break
-    nearest = np.argsort(np.concatenate(gaps), kind="stable")
-    return ArmSample(np.concatenate(closed)[:_ENOUGH], np.concatenate(missed)[nearest])
-
-
-class Screen:
-    """Evaluates the objective on combinations of the arms' closed postures."""
-
-    def __init__(self, cell: Cell, objective: Objective) -> None:
-        """Build each arm's terms and the Gram matrix of their sums."""
-        system, resolution = cell.system, cell.resolution
-        m, axes = system.space.m, list(cell.problem.axes)
-        parameters = system.object.parameters
-        terms = [resolution.arm_terms(system, i, scale) for i, scale in enumerate(cell.scales)]
-        self._arms = [
-            ca.Function("terms", [arm.q, parameters], [ca.vertcat(*map(ca.vec, mine))])
-            for arm, mine in zip(system.arms, terms, strict=True)
-        ]
-        sums = [ca.SX.sym("sum", m, m) for _ in terms[0]]
-        G = resolution.gram(sums, system.object.M_o)[axes, axes]
-        self._gram = ca.Function("gram", [ca.vertcat(*map(ca.vec, sums)), parameters], [ca.vec(G)])
-        self._a = len(axes)
-        self._objective = objective
-
-    def best_first(
-        self, samples: Sequence[Array], parameters: Array, rng: np.random.Generator
-    ) -> Array:
-        """Combinations of samples, best objective first, as indices (count, K).
-
-        All of them where they are few, else as many drawn at random.
-        """
-        counts = [len(sample) for sample in samples]
-        if np.prod(np.array(counts, dtype=float)) <= _COMBINATIONS:
-            grids = np.meshgrid(*(np.arange(count) for count in counts), indexing="ij")
-            chosen = np.column_stack([grid.ravel() for grid in grids])
-        else:
-            chosen = rng.integers(0, counts, (_COMBINATIONS, len(counts)))
-        total = np.zeros(())
-        for k, (function, sample) in enumerate(zip(self._arms, samples, strict=True)):
-            total = total + np.array(function(sample.T, parameters))[:, chosen[:, k]]
-        grams = np.array(self._gram(total, parameters)).T.reshape(-1, self._a, self._a)
-        sound = np.all(np.isfinite(grams), axis=(1, 2))
-        chosen, grams = chosen[sound], grams[sound]
-        values = self._objective.of_grams((grams + grams.transpose(0, 2, 1)) / 2)
-        usable = np.isfinite(values)
-        order = np.argsort(-values[usable], kind="stable")
-        return np.asarray(chosen[usable][order])
-
-
-def distinct_starts(cell: Cell, samples: Sequence[Array], ranked: Array) -> list[Array]:
-    """The best combinations that differ from one another in some joint, stacked, (N,) each."""
-    starts: list[Array] = []
-    for row in ranked:
-        q = np.concatenate([sample[k] for sample, k in zip(samples, row, strict=True)])
-        if all(_distance(cell, q, other) > _APART for other in starts):
-            starts.append(q)
-        if len(starts) == _POLISHED:
-            break
-    return starts
+EFFORTS = {
+    "low": Effort(batch=32, batches=4, loops=120, surfaces=150, starts=32, polished=8),
+    "normal": Effort(batch=64, batches=8, loops=240, surfaces=300, starts=96, polished=24),
+    "high": Effort(batch=128, batches=16, loops=480, surfaces=1200, starts=384, polished=160),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,53 +78,169 @@ class LocalOptimum:
 
 
 @dataclass(frozen=True, eq=False)
-class Polished:
-    """What became of the starts.
+class Found:
+    """What a search found.
 
     Attributes:
+        samples: of every arm.
+        screened: combinations; None where an arm has no posture.
+        best_sample: the objective of the best combination before polishing.
+        starts: combinations that were polished.
         optima: distinct local optima, best first.
-        failures: how the runs that did not converge ended.
+        failures: how polishing failed, and how often.
     """
 
-    optima: tuple[LocalOptimum, ...]
-    failures: tuple[LocalSolve, ...]
+    samples: tuple[ArmSample, ...]
+    combinations: int = 0
+    best_sample: float | None = None
+    starts: int = 0
+    optima: tuple[LocalOptimum, ...] = ()
+    failures: tuple[LocalSolve, ...] = ()
+
+
+def search(
+    machinery: Machinery, setting: Setting, seed: int, effort: Effort, progress: Progress
+) -> Found:
+    """Find the local optima of a cell, the best of them first.
+
+    Args:
+        machinery: what is built.
+        setting: where the object is.
+        seed: of everything that is drawn.
+        effort: how much is tried.
+        progress: is told.
+    """
+    cell = setting.cell
+    K = len(cell.arms)
+    samples = []
+    for i, kernels in enumerate(machinery.arms):
+        progress(f"closing arm {cell.arms[i].name}", 0.5 * i / K)
+        most = effort.loops if kernels.n - kernels.m <= 1 else effort.surfaces
+        sampler = ArmSampler(cell, kernels, i, setting.placement.goals[i])
+        rng = np.random.default_rng([seed, i])
+        samples.append(sampler.sample(rng, effort.batch, effort.batches, most))
+    if any(len(sample.closed) == 0 for sample in samples):
+        return Found(tuple(samples))
+    progress("comparing postures", 0.5)
+    terms = [
+        kernels.terms(sample.closed, tie)
+        for kernels, sample, tie in zip(
+            machinery.arms, samples, setting.placement.ties, strict=True
+        )
+    ]
+    screened = screen(
+        machinery.score,
+        setting.given,
+        terms,
+        [sample.neighbours for sample in samples],
+        np.random.default_rng([seed, K]),
+        effort.starts,
+    )
+    starts = _distinct(cell, [sample.closed for sample in samples], screened, effort.polished)
+    optima, failures = polish(machinery, setting, starts, progress)
+    return Found(
+        samples=tuple(samples),
+        combinations=screened.combinations,
+        best_sample=float(machinery.objectives(setting, starts[:1])[0]) if len(starts) else None,
+        starts=len(starts),
+        optima=optima,
+        failures=failures,
+    )
+
+
+def _distinct(cell: Cell, samples: Sequence[Array], screened: Screened, most: int) -> Array:
+    """The best combinations that differ from one another in some joint, stacked, (count, N)."""
+    q = np.hstack(
+        [sample[column] for sample, column in zip(samples, screened.chosen.T, strict=True)]
+    )
+    chosen = np.zeros((0, q.shape[1]))
+    for row in q:
+        if np.all(_distances(cell, chosen, row) > _APART):
+            chosen = np.vstack([chosen, row])
+        if len(chosen) == most:
+            break
+    return chosen
 
 
 def polish(
-    cell: Cell, program: PostureProgram, starts: Sequence[Array], progress: Progress
-) -> Polished:
-    """Run the posture program from every start and gather where they end."""
-    lower, upper = np.concatenate(cell.lower), np.concatenate(cell.upper)
-    system = cell.system
-    optima: list[LocalOptimum] = []
+    machinery: Machinery, setting: Setting, starts: Array, progress: Progress
+) -> tuple[tuple[LocalOptimum, ...], tuple[LocalSolve, ...]]:
+    """Local optima from closed postures, (count, N), best first, and what failed.
+
+    Newton steps along the self-motions come first. IPOPT solves the posture program where they do
+    not meet its tolerance, and where the objective has kinks.
+    """
+    cell = setting.cell
+    progress("polishing", 0.6)
+    ends = machinery.polisher(setting).polish(starts)
+    solved = ends.converged & machinery.smooth
+    values = machinery.objectives(setting, ends.q)
+    ending = [
+        LocalOptimum(q, value, 1) for q, value in zip(ends.q[solved], values[solved], strict=True)
+    ]
     failures = []
-    for k, start in enumerate(starts):
-        progress("polishing", k / len(starts))
-        end = program.solve(start, cell.parameters, lower, upper)
-        gram = program.gram_at(end.q, cell.parameters)
-        value = (
-            float(program.objective.of_grams(gram[None])[0]) if np.isfinite(gram).all() else np.nan
-        )
-        if not (end.converged and np.isfinite(value)):
+    for k, q in enumerate(_left(cell, ends, solved, machinery.smooth)):
+        progress("polishing", 0.7 + 0.3 * k / len(starts))
+        end = machinery.program.solve(q, cell.parameters, *setting.bounds)
+        value = machinery.objectives(setting, end.q[None])[0]
+        if end.converged and np.isfinite(value):
+            ending.append(LocalOptimum(end.q, value, 1))
+        else:
             failures.append(end)
-            continue
-        q = np.concatenate([cell.wrapped(i, part) for i, part in enumerate(system.split(end.q))])
+    return tuple(_gathered(cell, ending)), tuple(failures)
+
+
+def _left(cell: Cell, ends: Polished, solved: Mask, smooth: bool) -> Array:
+    """Ends that IPOPT has to go on from, (count, N)."""
+    order = np.argsort(-ends.value, kind="stable")
+    order = order[~solved[order] & np.isfinite(ends.value[order])]
+    if smooth:
+        best = ends.value[solved].max(initial=-np.inf)
+        near = order[ends.value[order] > best - _NEAR_BEST]
+        return np.asarray(ends.q[near[:_KINKED]])
+    chosen: Array = ends.q[:0]
+    for row in ends.q[order]:
+        if len(chosen) < _KINKED and np.all(_distances(cell, chosen, row) > _SAME_JOINTS):
+            chosen = np.vstack([chosen, row])
+    return chosen
+
+
+def _gathered(cell: Cell, ending: Sequence[LocalOptimum]) -> list[LocalOptimum]:
+    """Distinct optima, best first, with how many ended in each."""
+    optima: list[LocalOptimum] = []
+    for end in sorted(ending, key=lambda optimum: -optimum.objective):
+        q = np.concatenate(
+            [cell.folded(i, part) for i, part in enumerate(cell.system.split(end.q))]
+        )
         for j, known in enumerate(optima):
-            same = abs(known.objective - value) < _SAME_OBJECTIVE
-            if same and _distance(cell, q, known.q) < _SAME_JOINTS:
-                kept = known if known.objective >= value else LocalOptimum(q, value, 0)
-                optima[j] = LocalOptimum(kept.q, kept.objective, known.count + 1)
+            same = abs(known.objective - end.objective) < _SAME_OBJECTIVE
+            if same and _distances(cell, known.q[None], q)[0] < _SAME_JOINTS:
+                optima[j] = replace(known, count=known.count + 1)
                 break
         else:
-            optima.append(LocalOptimum(q, value, 1))
-    optima.sort(key=lambda optimum: -optimum.objective)
-    return Polished(tuple(optima), tuple(failures))
+            optima.append(LocalOptimum(q, end.objective, 1))
+    return _tie_broken(optima)
 
 
-def _distance(cell: Cell, a: Array, b: Array) -> float:
-    """Largest difference of a joint; a whole turn of a wide joint makes no other posture."""
-    parts = zip(cell.system.split(a), cell.system.split(b), strict=True)
-    return max(
-        float(np.abs(cell.nearest_turn(i, one - other)).max())
-        for i, (one, other) in enumerate(parts)
-    )
+def _tie_broken(optima: list[LocalOptimum]) -> list[LocalOptimum]:
+    """With the first of the best in the order of joints first, so that no seed decides."""
+    if not optima:
+        return optima
+    best = optima[0].objective
+    tied = [o for o in optima if o.objective >= best - _TIE * max(1.0, abs(best))]
+    rest = optima[len(tied) :]
+    first = list(tied)
+    for joint in range(len(tied[0].q)):
+        least = min(o.q[joint] for o in first)
+        first = [o for o in first if o.q[joint] <= least + _SAME_JOINTS]
+    return [first[0], *(o for o in tied if o is not first[0]), *rest]
+
+
+def _distances(cell: Cell, many: Array, q: Array) -> Array:
+    """Largest difference of a joint; a whole turn makes no other posture. (count,)."""
+    if len(many) == 0:
+        return np.zeros(0)
+    turned = [
+        cell.nearest_turn(i, part.T) for i, part in enumerate(cell.system.split((many - q).T))
+    ]
+    return np.asarray(np.abs(np.hstack(turned)).max(axis=1))

@@ -3,7 +3,7 @@
 from copose.problem.aims import TaskCompatibilityObjective
 from copose.problem.arms import ArmSpec, PlanarArm, UrdfArm
 from copose.problem.objects import PlanarObject, Shape, SpatialObject
-from copose.problem.reading import load, parse, read_text
+from copose.problem.reading import load, moved, parse, read_text
 from copose.problem.spaces import SPACES, Space, SpaceName
 from copose.problem.spec import PlanarProblem, Problem, SpatialProblem
 
@@ -22,6 +22,7 @@ __all__ = [
     "TaskCompatibilityObjective",
     "UrdfArm",
     "load",
+    "moved",
     "parse",
     "read_text",
 ]

@@ -77,6 +77,34 @@ def parse(data: Mapping[str, Any], source: Path | None = None) -> Problem:
     return problem
 
 
+def moved(problem: Problem, place: Mapping[str, Any]) -> Problem:
+    """The same problem with its object elsewhere.
+
+    Args:
+        problem: as read.
+        place: ``position`` and ``rpy``, in the plane ``angle``, as in ``[object]``; what it leaves
+            out stays.
+
+    Raises:
+        InputError: it is no place.
+    """
+    allowed = ("position", "angle" if problem.space.planar else "rpy")
+    for key in place:
+        if key not in allowed:
+            raise InputError(
+                f"is not known; allowed: {', '.join(allowed)}", key=f"object_pose.{key}"
+            )
+    model = type(problem.object)
+    try:
+        thing = model.model_validate({**problem.object.model_dump(), **_as_tuples(place)})
+    except ValidationError as error:
+        found = explain(error, model, None)
+        raise InputError(found.message, key=f"object_pose.{found.key}") from None
+    elsewhere = problem.model_copy(update={"object": thing})
+    elsewhere._source = problem.source
+    return elsewhere
+
+
 def _check_depth(data: Mapping[str, Any], source: Path | None) -> None:
     level: list[object] = [data]
     for _ in range(_DEEPEST):

@@ -140,19 +140,75 @@ class Optimum(Record):
     count: int
 
 
-class SearchRecord(Record):
-    """The evidence of a search."""
+class SampleRecord(Record):
+    """What is known of one arm's self-motions.
+
+    Attributes:
+        tried: random postures that were projected onto the grasp.
+        closed: postures within limits that entered the search.
+        branches: self-motions found; null where more than one degree of freedom is to spare.
+    """
+
+    tried: int
+    closed: int
+    branches: int | None
+
+
+class FailureRecord(Record):
+    """A way in which polishing failed, in IPOPT's words, and how often."""
+
+    status: str
+    count: int
+
+
+class VerificationRecord(Record):
+    """A second search with a seed of its own and twice the effort.
+
+    Attributes:
+        seed: of the second search.
+        objective: its best.
+        stands: whether it is no better than the first one's by more than 1e-6.
+    """
 
     seed: int
+    objective: Finite | None
+    stands: bool
+
+
+class SearchRecord(Record):
+    """The evidence of a search.
+
+    Attributes:
+        seed: of everything that was drawn.
+        effort: low, normal or high; ``local`` where a posture was given to go on from.
+        samples: by arm.
+        combinations: of the arms' postures that were evaluated.
+        best_sample: the objective of the best of them.
+        gap: what polishing added to that.
+        starts: combinations that were polished.
+        local_optima: where they ended, best first.
+        failures: polishes that ended nowhere.
+        verification: of the answer, where it was asked for.
+    """
+
+    seed: int
+    effort: str
+    samples: dict[str, SampleRecord]
+    combinations: int
+    best_sample: Finite | None
+    gap: Finite | None
     starts: int
     local_optima: tuple[Optimum, ...]
+    failures: tuple[FailureRecord, ...] = ()
+    verification: VerificationRecord | None = None
 
 
 class Timing(Record):
-    """Seconds spent; the only part of a result that differs from run to run."""
+    """Seconds spent, and by what; the only part of a result that differs from run to run."""
 
     build_s: Finite
     search_s: Finite
+    kernels: Literal["compiled", "virtual machine"] = "virtual machine"
 
 
 class ProblemRecord(Record):

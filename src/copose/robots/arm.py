@@ -112,6 +112,16 @@ class Arm:
         return tuple(joint.name for joint in self.joints)
 
     @property
+    def fingerprint(self) -> bytes:
+        """Equal for arms that move alike, wherever they stand and whatever they hold."""
+        parts: list[object] = [self.tip.position.tobytes(), self.tip.quaternion.tobytes()]
+        for joint in self.joints:
+            place, body = joint.placement, joint.body
+            arrays = (joint.axis, place.position, place.rotation, body.com, body.inertia)
+            parts += [joint.kind, body.mass, joint.armature, *(a.tobytes() for a in arrays)]
+        return repr(parts).encode()
+
+    @property
     def lower(self) -> Array:
         """Lowest joint positions, −inf where unlimited, shape (n,)."""
         return np.array([joint.lower for joint in self.joints])

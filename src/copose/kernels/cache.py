@@ -1,0 +1,126 @@
+"""Compiled kernels in the user's cache folder.
+
+Loading a library runs its code, so only what this user compiled is loaded: from a folder that is
+the user's own and that nobody else can enter.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shlex
+import shutil
+import stat
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from copose.kernels.source import FLAGS
+
+_PATIENCE = 120.0
+# Files of compilations that never ended, s.
+_STALE = 3600.0
+
+
+def wanted() -> bool:
+    """Whether kernels are to be compiled: not with ``COPOSE_COMPILE=0``, not on Windows."""
+    return os.environ.get("COPOSE_COMPILE", "1") != "0" and os.name == "posix"
+
+
+def compiler() -> list[str] | None:
+    """The C compiler, ``$CC`` or ``cc``, ``gcc``, ``clang`` on the path; None without one."""
+    given = os.environ.get("CC")
+    try:
+        command = shlex.split(given) if given else []
+    except ValueError:
+        return None
+    for name in [command[0]] if command else ["cc", "gcc", "clang"]:
+        found = shutil.which(name)
+        if found is not None:
+            return [found, *command[1:]]
+    return None
+
+
+def folder() -> Path | None:
+    """The cache folder, made if need be; None where there is none that can be trusted."""
+    if sys.platform == "darwin":
+        home = Path("~/Library/Caches").expanduser()
+    else:
+        given = os.environ.get("XDG_CACHE_HOME", "")
+        home = Path(given) if Path(given).is_absolute() else Path("~/.cache").expanduser()
+    if not home.is_absolute():
+        return None
+    place = home / "copose"
+    try:
+        home.mkdir(parents=True, exist_ok=True)
+        with contextlib.suppress(FileExistsError):
+            place.mkdir(mode=0o700)
+        found = place.lstat()
+    except OSError:
+        return None
+    own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid()
+    return place if own and stat.S_IMODE(found.st_mode) & 0o077 == 0 else None
+
+
+def library(key: str) -> Path | None:
+    """The compiled kernel of a key, if it is there and may be loaded."""
+    place = folder()
+    if place is None:
+        return None
+    file = place / f"{key}.so"
+    try:
+        found = file.lstat()
+    except OSError:
+        return None
+    own = stat.S_ISREG(found.st_mode) and found.st_uid == os.geteuid()
+    return file if own and stat.S_IMODE(found.st_mode) & 0o022 == 0 else None
+
+
+def fill(sources: Mapping[str, str], *, wait: bool) -> None:
+    """Compile kernels into the cache.
+
+    Nothing is raised: without a compiler or a folder the cache stays as it is. A library appears
+    whole, by a rename, so that any number of processes may do this at once.
+
+    Args:
+        sources: C code by key.
+        wait: until the compiler has ended; else it goes on by itself, even after this process.
+    """
+    place, command = folder(), compiler()
+    if place is None or command is None or not sources:
+        return
+    try:
+        scratch = Path(tempfile.mkdtemp(dir=place, prefix=".building-"))
+    except OSError:
+        return
+    _sweep(place)
+    lines = ["umask 077"]
+    for key, source in sources.items():
+        (scratch / f"{key}.c").write_text(source, encoding="utf-8")
+        compiling = shlex.join([*command, *FLAGS, "-o", f"{key}.so", f"{key}.c", "-lm"])
+        lines.append(f"{compiling} && mv -f {key}.so {shlex.quote(str(place))}/")
+    script = "\n".join([*lines, f"cd / && rm -rf {shlex.quote(str(scratch))}"])
+    # The shell returns at once and leaves the work to a child that nobody has to wait for.
+    run = script if wait else f"({script}\n) </dev/null >/dev/null 2>&1 &"
+    with contextlib.suppress(OSError, subprocess.SubprocessError):
+        subprocess.run(
+            ["/bin/sh", "-c", run],
+            cwd=scratch,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            timeout=_PATIENCE,
+            start_new_session=True,
+            check=False,
+        )
+
+
+def _sweep(place: Path) -> None:
+    """Remove what compilations that were killed have left behind."""
+    for left in place.glob(".building-*"):
+        with contextlib.suppress(OSError):
+            if time.time() - left.stat().st_mtime > _STALE:
+                shutil.rmtree(left, ignore_errors=True)

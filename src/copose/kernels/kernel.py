@@ -1,0 +1,129 @@
+"""A small expression evaluated on many points at once."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import hashlib
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from copose.kernels import cache, source
+from copose.poses import Array
+
+_BLOCK = 32
+_PROBE = 4
+
+
+class Kernel:
+    """y(x, p) of many points: by CasADi's virtual machine, or by compiled code, bit for bit."""
+
+    def __init__(self, x: ca.SX, p: ca.SX, y: ca.SX) -> None:
+        """The kernel of an expression y, (ny,), of symbols x, (nx,), and p, (np,)."""
+        self._function = ca.Function("kernel", [x, p], [ca.densify(ca.vec(y))])
+        self._nx, self._np, self._ny = x.numel(), p.numel(), y.numel()
+        self._one, self._many = _Buffered(self._function, 1), _Buffered(self._function, _BLOCK)
+        self._evaluate: Callable[..., None] | None = None
+        self._refused = False
+
+    @functools.cached_property
+    def key(self) -> str:
+        """Names the compiled code: a hash of expression, what writes its C code, and flags."""
+        code = hashlib.sha256(self._function.serialize().encode())
+        code.update(Path(source.__file__).read_bytes() + "\0".join(source.FLAGS).encode())
+        return code.hexdigest()[:32]
+
+    @property
+    def source(self) -> str:
+        """Its C code."""
+        return source.c_source(self._function)
+
+    @property
+    def compiled(self) -> bool:
+        """Whether compiled code is in use."""
+        return self._evaluate is not None
+
+    def __call__(self, x: Array, p: Array) -> Array:
+        """y, (count, ny), at x, (count, nx), and p, (np,) for all of them or (count, np)."""
+        x, p = np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(p, dtype=float)
+        y = np.empty((len(x), self._ny))
+        if self._evaluate is not None:
+            stride = self._np if p.ndim == 2 else 0
+            self._evaluate(len(x), _address(x), _address(p), stride, _address(y))
+            return y
+        whole = len(x) - len(x) % _BLOCK
+        for first in range(0, whole, _BLOCK):
+            rows = slice(first, first + _BLOCK)
+            self._many(x[rows], p[rows] if p.ndim == 2 else p, y[rows])
+        for k in range(whole, len(x)):
+            self._one(x[k], p[k] if p.ndim == 2 else p, y[k])
+        return y
+
+    def load(self) -> bool:
+        """Use the compiled code if the cache has it; whether it is in use."""
+        if self._evaluate is not None or self._refused or not cache.wanted():
+            return self.compiled
+        file = cache.library(self.key)
+        if file is None:
+            return False
+        try:
+            evaluate = ctypes.CDLL(str(file)).evaluate
+        except (OSError, AttributeError):
+            self._refused = True
+            return False
+        pointer = ctypes.c_void_p
+        evaluate.argtypes = [ctypes.c_long, pointer, pointer, ctypes.c_long, pointer]
+        evaluate.restype = None
+        rng = np.random.default_rng(0)
+        x, p = rng.uniform(0.1, 1, (_PROBE, self._nx)), rng.uniform(0.1, 1, (_PROBE, self._np))
+        expected = self(x, p)
+        self._evaluate = evaluate
+        if not np.allclose(self(x, p), expected, rtol=1e-9, atol=1e-9, equal_nan=True):
+            self._evaluate, self._refused = None, True
+        return self.compiled
+
+
+def _address(array: Array) -> int:
+    # A third of the time that array.ctypes.data takes.
+    address: int = array.__array_interface__["data"][0]
+    return address
+
+
+class _Buffered:
+    """Evaluation of a function on ``count`` points at once, without converting arrays."""
+
+    def __init__(self, function: ca.Function, count: int) -> None:
+        mapped = function.map(count) if count > 1 else function
+        sizes = [mapped.nnz_in(0) // count, mapped.nnz_in(1) // count, mapped.nnz_out(0) // count]
+        self._x, self._p, self._y = (np.zeros((count, size)) for size in sizes)
+        self._buffer: Any
+        self._buffer, self._trigger = mapped.buffer()
+        self._buffer.set_arg(0, self._x.data)
+        self._buffer.set_arg(1, self._p.data)
+        self._buffer.set_res(0, self._y.data)
+
+    def __call__(self, x: Array, p: Array, y: Array) -> None:
+        self._x[:], self._p[:] = x, p
+        self._trigger()
+        y[:] = self._y
+
+
+def build(kernels: Iterable[Kernel], *, wait: bool = False) -> bool:
+    """Load compiled kernels, and compile those that the cache lacks.
+
+    Args:
+        kernels: to load.
+        wait: for the compiler; else the virtual machine serves until a later call finds its work.
+
+    Returns:
+        Whether all of them are compiled.
+    """
+    missing = {kernel.key: kernel for kernel in kernels if not kernel.load()}
+    if missing and cache.wanted():
+        cache.fill({key: kernel.source for key, kernel in missing.items()}, wait=wait)
+        missing = {key: kernel for key, kernel in missing.items() if not kernel.load()}
+    return not missing

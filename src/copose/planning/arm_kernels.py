@@ -1,0 +1,164 @@
+"""The kernels of an arm: how it closes, what it adds to the system's matrices, and their slopes.
+
+They are written in the arm's root frame. Where its root stands, where the object is and which share
+of it the arm carries are numbers, so arms of one model have the same kernels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from copose.capability import Resolution
+from copose.kernels import Kernel
+from copose.mechanics import ArmMechanics, Coupling, Goal, System
+from copose.poses import Array
+
+_LONGEST_STEP = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class ArmKernels:
+    """Kernels of joint positions q, (n,), in the order of rows of a batch.
+
+    Attributes:
+        closing: of (q, lower, upper) and a goal: q after one step of closing, and the norm of the
+            residual before it, (n + 1,).
+        closure: of q and a goal: residual, (m,), and its derivative row by row, (m·n,).
+        gap: of q and a goal: position error, (3,), and quaternion of the angle error, (4,).
+        terms: of q and a coupling: what the arm adds to the sums that G is made of, the upper
+            triangles, (s,).
+        slope: of (q, weights) and a coupling: ∇_q of weightsᵀ terms, (n,).
+    """
+
+    m: int
+    n: int
+    closing: Kernel
+    closure: Kernel
+    gap: Kernel
+    terms: Kernel
+    slope: Kernel
+
+    @classmethod
+    def of(cls, arm: ArmMechanics, resolution: Resolution) -> ArmKernels:
+        """Write down the kernels of an arm."""
+        q, m, n = arm.q, arm.space.m, arm.arm.n
+        goal = Goal(ca.SX.sym("position", 3), ca.SX.sym("quaternion", 4))
+        place = ca.vertcat(goal.position, goal.quaternion)
+        residual = arm.closure(goal)
+        J = ca.jacobian(residual, q)
+        lower, upper = ca.SX.sym("lower", n), ca.SX.sym("upper", n)
+        coupling = Coupling(ca.SX.sym("X", m, m), ca.SX.sym("Y", m, m))
+        scale = ca.SX.sym("scale", n)
+        tied = ca.vertcat(ca.vec(coupling.motion), ca.vec(coupling.load), scale)
+        parts = resolution.arm_terms(arm, coupling, scale)
+        terms = ca.vertcat(*(upper_triangle(part) for part in parts))
+        weights = ca.SX.sym("weights", terms.numel())
+        slope = ca.gradient(ca.dot(weights, terms), q)
+        step = ca.vertcat(_closing_step(q, lower, upper, residual, J), ca.norm_2(residual))
+        return cls(
+            m=m,
+            n=n,
+            closing=Kernel(ca.vertcat(q, lower, upper), place, step),
+            closure=Kernel(q, place, ca.vertcat(residual, ca.vec(J.T))),
+            gap=Kernel(q, place, ca.vertcat(*arm.pose_error(goal))),
+            terms=Kernel(q, tied, terms),
+            slope=Kernel(ca.vertcat(q, weights), tied, slope),
+        )
+
+    @property
+    def all(self) -> tuple[Kernel, ...]:
+        """Every kernel, the most used first."""
+        return self.closing, self.closure, self.terms, self.slope, self.gap
+
+    def residual(self, q: Array, goal: Array) -> tuple[Array, Array]:
+        """Closure at q, (count, n): residuals, (count, m), and derivatives, (count, m, n)."""
+        values = self.closure(q, goal)
+        return values[:, : self.m], values[:, self.m :].reshape(-1, self.m, self.n)
+
+
+def upper_triangle(matrix: ca.SX) -> ca.SX:
+    """Entries of a symmetric matrix on and above the diagonal, row by row."""
+    a = matrix.shape[0]
+    return ca.vertcat(*(matrix[i, j] for i in range(a) for j in range(i, a)))
+
+
+def symmetric(entries: ca.SX, a: int) -> ca.SX:
+    """The symmetric matrix, (a, a), of its `upper_triangle`."""
+    matrix, k = ca.SX(a, a), 0
+    for i in range(a):
+        for j in range(i, a):
+            matrix[i, j] = matrix[j, i] = entries[k]
+            k += 1
+    return matrix
+
+
+def _closing_step(q: ca.SX, lower: ca.SX, upper: ca.SX, residual: ca.SX, J: ca.SX) -> ca.SX:
+    """A damped Gauss–Newton step within limits.
+
+    Where it would push a joint through its limit, the others take it without that joint.
+    """
+    step = _damped_step(residual, J)
+    blocked = ca.logic_or(ca.logic_and(q <= lower, step < 0), ca.logic_and(q >= upper, step > 0))
+    open_ = 1 - blocked
+    step = _damped_step(residual, J * ca.repmat(open_.T, J.shape[0], 1)) * open_
+    step *= ca.fmin(1, _LONGEST_STEP / ca.fmax(ca.mmax(ca.fabs(step)), 1e-300))
+    return ca.fmin(ca.fmax(q + step, lower), upper)
+
+
+def _damped_step(residual: ca.SX, J: ca.SX) -> ca.SX:
+    """−Jᵀ(J Jᵀ + λI)⁻¹ r, λ falling with the residual so that convergence stays quadratic."""
+    m = residual.shape[0]
+    normal = J @ J.T
+    damping = 1e-3 * ca.fmin(ca.dot(residual, residual), 1) + 1e-13
+    normal += (damping * ca.trace(normal) / m + 1e-100) * ca.SX.eye(m)
+    D, LT, order = ca.ldl(normal, False)
+    return -J.T @ ca.ldl_solve(residual, D, LT, order)
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """What the kernels take for where the object is.
+
+    Attributes:
+        goals: by arm, tip position and quaternion in its root frame, (7,).
+        ties: by arm, coupling and torque scale, (2m² + n,).
+        inertia: upper triangle of M_o.
+    """
+
+    goals: tuple[Array, ...]
+    ties: tuple[Array, ...]
+    inertia: Array
+
+
+class Placer:
+    """Turns the object's parameters into what the kernels take."""
+
+    def __init__(self, system: System, scales: Sequence[Array]) -> None:
+        """Build the function that does it."""
+        arms = range(len(system.arms))
+        goals, couplings = [system.goal(i) for i in arms], [system.coupling(i) for i in arms]
+        self._scales = scales
+        self._function = ca.Function(
+            "placement",
+            [system.object.parameters],
+            [
+                *(ca.vertcat(goal.position, goal.quaternion) for goal in goals),
+                *(ca.vertcat(ca.vec(c.motion), ca.vec(c.load)) for c in couplings),
+                upper_triangle(system.object.M_o),
+            ],
+        )
+
+    def __call__(self, parameters: Array) -> Placement:
+        """The placement of an object."""
+        *values, inertia = (np.array(value).ravel() for value in self._function(parameters))
+        K = len(self._scales)
+        ties = zip(values[K:], self._scales, strict=True)
+        return Placement(
+            goals=tuple(values[:K]),
+            ties=tuple(np.concatenate(tie) for tie in ties),
+            inertia=inertia,
+        )

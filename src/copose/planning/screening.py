@@ -1,0 +1,159 @@
+"""Which combinations of the arms' postures are worth polishing.
+
+With the object held still G is made of sums over the arms, and a term depends on the joints of one
+arm alone. So each posture of an arm is evaluated once, and arms meet only in sums of a few numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from copose.capability import Resolution
+from copose.kernels import Kernel
+from copose.mechanics import System
+from copose.planning.arm_kernels import symmetric, upper_triangle
+from copose.planning.objectives import Objective
+from copose.poses import Array, Indices
+
+# Rows of a table of pairs that are evaluated at once are chosen to stay within a cache.
+_AT_ONCE = 8192
+_SWEEPS = 12
+
+
+class Score:
+    """The objective, or its smooth stand-in, as a function of the sums of the arms' terms.
+
+    Attributes:
+        value: kernel of the sums, (s,), and of M_o and the objective's numbers.
+        slope: kernel of the value's derivatives by the sums, (s,).
+        gram: kernel of the upper triangle of G.
+        smooth: whether it is the objective itself.
+    """
+
+    def __init__(
+        self, system: System, resolution: Resolution, objective: Objective, axes: Sequence[int]
+    ) -> None:
+        """Write down the score of a system."""
+        m, chosen = system.space.m, list(axes)
+        size = m * (m + 1) // 2
+        sums = ca.SX.sym("sums", resolution.n_terms * size)
+        inertia, numbers = ca.SX.sym("M_o", size), ca.SX.sym("numbers", len(objective.numbers))
+        parts = [symmetric(part, m) for part in ca.vertsplit(sums, size)]
+        G = resolution.gram(parts, symmetric(inertia, m))[chosen, chosen]
+        formulation = objective.formulate(G, numbers)
+        self.smooth = formulation.smooth is None
+        value = formulation.value if formulation.smooth is None else formulation.smooth
+        given = ca.vertcat(inertia, numbers)
+        self.value = Kernel(sums, given, value)
+        self.slope = Kernel(sums, given, ca.gradient(value, sums))
+        self.gram = Kernel(sums, given, upper_triangle(G))
+
+    @property
+    def all(self) -> tuple[Kernel, ...]:
+        """Its kernels."""
+        return self.value, self.slope, self.gram
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """What screening found.
+
+    Attributes:
+        chosen: combinations that no exchange of one arm's posture for a neighbouring one improves,
+            best first, as indices, (count, K).
+        scores: of them, (count,).
+        combinations: how many were evaluated.
+    """
+
+    chosen: Indices
+    scores: Array
+    combinations: int
+
+
+def screen(
+    score: Score,
+    given: Array,
+    terms: Sequence[Array],
+    neighbours: Sequence[Indices],
+    rng: np.random.Generator,
+    starts: int,
+) -> Screened:
+    """The locally best combinations of the arms' postures.
+
+    One arm and pairs are screened in full. Where there are more arms, random combinations are
+    improved by exchanging one arm's posture after the other for the best there is.
+
+    Args:
+        score: of the sums.
+        given: M_o and the objective's numbers, as the score's kernels take them.
+        terms: by arm, of each of its postures, (count_i, s).
+        neighbours: by arm, indices of the postures next to each, (count_i, k).
+        rng: draws the combinations to start from.
+        starts: how many of them.
+    """
+    if len(terms) > 2:
+        return _exchanged(score, given, terms, rng, starts)
+    table = _table(score, given, terms)
+    best = np.isfinite(table)
+    for axis, near in enumerate(neighbours):
+        along = np.moveaxis(table, axis, 0)
+        for column in near.T:
+            best &= np.moveaxis(~(along < along[column]), 0, axis)
+    chosen = np.argwhere(best)
+    return _ranked(chosen, table[best], table.size)
+
+
+def _table(score: Score, given: Array, terms: Sequence[Array]) -> Array:
+    """Scores of all postures of one arm, (count,), or of all pairs, (count_1, count_2)."""
+    if len(terms) == 1:
+        return _cleaned(score.value(terms[0], given)[:, 0])
+    one, other = terms
+    values = np.empty((len(one), len(other)))
+    rows = max(1, _AT_ONCE // len(other))
+    for first in range(0, len(one), rows):
+        sums = one[first : first + rows, None] + other[None]
+        flat = score.value(sums.reshape(-1, sums.shape[2]), given)
+        values[first : first + rows] = flat.reshape(sums.shape[:2])
+    return _cleaned(values)
+
+
+def _exchanged(
+    score: Score, given: Array, terms: Sequence[Array], rng: np.random.Generator, starts: int
+) -> Screened:
+    counts = [len(mine) for mine in terms]
+    chosen = rng.integers(0, counts, (starts, len(counts)))
+    evaluated = 0
+    for _ in range(_SWEEPS):
+        before = chosen.copy()
+        for k, mine in enumerate(terms):
+            # Combinations that differ in this arm alone become the same.
+            others = np.delete(chosen, k, axis=1)
+            distinct, where = np.unique(others, axis=0, return_inverse=True)
+            rest = sum(
+                term[column]
+                for term, column in zip(
+                    (t for j, t in enumerate(terms) if j != k), distinct.T, strict=True
+                )
+            )
+            top = _table(score, given, [np.asarray(rest), mine]).argmax(axis=1)
+            chosen[:, k] = top[where.ravel()]
+            evaluated += len(distinct) * len(mine)
+        if np.array_equal(chosen, before):
+            break
+    chosen = np.unique(chosen, axis=0)
+    sums = np.asarray(sum(mine[column] for mine, column in zip(terms, chosen.T, strict=True)))
+    return _ranked(chosen, _table(score, given, [sums]), evaluated)
+
+
+def _cleaned(values: Array) -> Array:
+    return np.where(np.isfinite(values), values, -np.inf)
+
+
+def _ranked(chosen: Indices, scores: Array, combinations: int) -> Screened:
+    usable = np.isfinite(scores)
+    order = np.argsort(-scores[usable], kind="stable")
+    return Screened(chosen[usable][order], scores[usable][order], combinations)
