@@ -67,6 +67,14 @@ def _parser() -> argparse.ArgumentParser:
     solve = _command(commands, "solve", "find the best posture", _solve)
     _add_outputs(solve)
     solve.add_argument("--seed", type=_seed, metavar="N", help="in place of the file's seed")
+    solve.add_argument(
+        "--effort", choices=("low", "normal", "high"), default="normal",
+        help="how much is searched (default: normal)",
+    )  # fmt: skip
+    solve.add_argument(
+        "--verify", action="store_true",
+        help="search again, another seed and twice the effort, and say whether the answer stands",
+    )  # fmt: skip
 
     evaluate = _command(commands, "evaluate", "the ellipsoids of the file's start", _evaluate)
     _add_outputs(evaluate)
@@ -118,13 +126,15 @@ def _seed(text: str) -> int:
 
 def _solve(arguments: argparse.Namespace) -> int:
     folder, problem = _prepare(arguments)
-    from copose.planning import solve
+    from copose.planning import Planner
 
-    if arguments.seed is not None:
-        search = problem.search.model_copy(update={"seed": arguments.seed})
-        problem = problem.model_copy(update={"search": search})
     with _progress(arguments) as progress:
-        solution = solve(problem, progress=progress)
+        solution = Planner(problem).solve(
+            seed=arguments.seed,
+            effort=arguments.effort,
+            verify=arguments.verify,
+            progress=progress,
+        )
     return _finish(solution, folder, arguments)
 
 

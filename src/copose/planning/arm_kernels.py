@@ -31,7 +31,8 @@ class ArmKernels:
         gap: of q and a goal: position error, (3,), and quaternion of the angle error, (4,).
         terms: of q and a coupling: what the arm adds to the sums that G is made of, the upper
             triangles, (s,).
-        slope: of (q, weights) and a coupling: ∇_q of weightsᵀ terms, (n,).
+        local: of (q, weights), a goal and a coupling: the terms, the derivative of the closure row
+            by row, and ∇_q of weightsᵀ terms, (s + m·n + n,).
     """
 
     m: int
@@ -40,7 +41,7 @@ class ArmKernels:
     closure: Kernel
     gap: Kernel
     terms: Kernel
-    slope: Kernel
+    local: Kernel
 
     @classmethod
     def of(cls, arm: ArmMechanics, resolution: Resolution) -> ArmKernels:
@@ -66,13 +67,17 @@ class ArmKernels:
             closure=Kernel(q, place, ca.vertcat(residual, ca.vec(J.T))),
             gap=Kernel(q, place, ca.vertcat(*arm.pose_error(goal))),
             terms=Kernel(q, tied, terms),
-            slope=Kernel(ca.vertcat(q, weights), tied, slope),
+            local=Kernel(
+                ca.vertcat(q, weights),
+                ca.vertcat(place, tied),
+                ca.vertcat(terms, ca.vec(J.T), slope),
+            ),
         )
 
     @property
     def all(self) -> tuple[Kernel, ...]:
         """Every kernel, the most used first."""
-        return self.closing, self.closure, self.terms, self.slope, self.gap
+        return self.closing, self.closure, self.terms, self.local, self.gap
 
     def residual(self, q: Array, goal: Array) -> tuple[Array, Array]:
         """Closure at q, (count, n): residuals, (count, m), and derivatives, (count, m, n)."""

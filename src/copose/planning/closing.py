@@ -30,7 +30,7 @@ def project(
     Args:
         kernels: of the arm.
         q: postures to start from, (count, n).
-        goal: of the tip, see `Placement`, (7,).
+        goal: of the tip, see `Placement`, (7,) or one for each posture.
         lower: joint limits, −inf where there is none, (n,) or one for each posture.
         upper: alike.
         steps: at most.
@@ -46,7 +46,8 @@ def project(
     gaps = np.full(len(q), np.inf)
     active = np.arange(len(q))
     for left in range(steps, -1, -1):
-        stepped = kernels.closing(rows[active], goal)
+        goals = goal[active] if goal.ndim == 2 else goal
+        stepped = kernels.closing(rows[active], goals)
         gaps[active] = stepped[:, n]
         going = stepped[:, n] > closed
         active = active[going]

@@ -13,7 +13,7 @@ from copose.planning.arm_kernels import ArmKernels, Placement, Placer
 from copose.planning.cell import Cell
 from copose.planning.measuring import Measures, Meter, closure_errors
 from copose.planning.objectives import Objective, objective_of
-from copose.planning.polishing import Polisher
+from copose.planning.polishing import Crew, Polisher
 from copose.planning.program import PostureProgram
 from copose.planning.screening import Score
 from copose.poses import Array
@@ -101,16 +101,33 @@ class Machinery:
             ),
         )
 
-    def polisher(self, setting: Setting) -> Polisher:
-        """Climbs the score in a setting."""
-        return Polisher(
-            arms=self.arms,
-            score=self.score,
-            placement=setting.placement,
-            given=setting.given,
-            lower=setting.lower,
-            upper=setting.upper,
-        )
+    def polisher(
+        self, setting: Setting, only: int | None = None, rest: Array | float = 0.0
+    ) -> Polisher:
+        """Climbs the score in a setting.
+
+        Args:
+            setting: where the object is.
+            only: an arm that moves alone.
+            rest: what the others then add to the sums, (s,).
+        """
+        moving = range(len(self.arms)) if only is None else [only]
+        edges = np.cumsum([0] + [self.arms[i].n for i in moving])
+        place, crews = setting.placement, []
+        for kernels_ in dict.fromkeys(self.arms[i] for i in moving):
+            mates = [(i, edge) for i, edge in zip(moving, edges, strict=False)
+                     if self.arms[i] is kernels_]  # fmt: skip
+            crews.append(
+                Crew(
+                    kernels=kernels_,
+                    columns=np.array([edge + np.arange(kernels_.n) for _, edge in mates]),
+                    goals=np.array([place.goals[i] for i, _ in mates]),
+                    ties=np.array([place.ties[i] for i, _ in mates]),
+                    lower=np.array([setting.lower[i] for i, _ in mates]),
+                    upper=np.array([setting.upper[i] for i, _ in mates]),
+                )
+            )
+        return Polisher(crews, self.score, setting.given, rest)
 
     def grams(self, setting: Setting, q: Sequence[Array]) -> Array:
         """G of postures, by arm (count, n_i), as it is optimised, (count, a, a)."""

@@ -18,7 +18,7 @@ from copose.planning.machinery import Machinery, Setting
 from copose.planning.measuring import Measurement, Measures
 from copose.planning.missing import misses
 from copose.planning.notes import margin_notes
-from copose.planning.search import EFFORTS, Found, LocalOptimum, Progress, polish, search
+from copose.planning.search import EFFORTS, Found, LocalOptimum, Progress, local_search, search
 from copose.poses import Array
 from copose.problem import Problem
 from copose.results import (
@@ -247,11 +247,8 @@ class _Run:
         q = [mine for mine in closed if mine is not None]
         if len(q) < len(closed):
             return None
-        optima, failures = polish(
-            self.machinery, self.setting, np.concatenate(q)[None], self.progress
-        )
+        found = local_search(self.machinery, self.setting, np.concatenate(q), self.progress)
         before = self.machinery.meter.measure(self.cell, q)
-        found = Found((), starts=1, optima=optima, failures=failures)
         after, value = self._best(found, before)
         if after is None:
             return None

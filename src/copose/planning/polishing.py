@@ -14,12 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from copose.planning.arm_kernels import ArmKernels, Placement
+from copose.planning.arm_kernels import ArmKernels
 from copose.planning.closing import CLOSED, project
 from copose.planning.screening import Score
+from copose.planning.tangent import Tangent
 from copose.poses import Array, Indices, Mask
 
-# IPOPT's: optimality, scaled as its manual says, and closure.
+# IPOPT's: optimality, scaled as its authors do, and closure.
 TOLERANCE = 1e-9
 _SCALE = 100.0
 _ITERATIONS = 60
@@ -27,9 +28,11 @@ _HALVINGS = 12
 # Of a joint in one step, rad or m.
 _LONGEST = 0.3
 _DIFFERENCE = 1e-6
-_RANK = 1e-9
+_AT_LIMIT = 1e-10
 _FLATTEST = 1e-8
-_ROUNDING = 1e-13
+# What a value may be off where a chain is open by a little.
+_NOISE = 1e-10
+_CLOSED_WELL = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +42,7 @@ class Polished:
     Attributes:
         q: joints of all arms, (count, N).
         value: of the score, (count,).
-        error: IPOPT's measure of optimality there, see `Polisher`, (count,).
+        error: IPOPT's measure of optimality there, (count,).
     """
 
     q: Array
@@ -53,22 +56,98 @@ class Polished:
 
 
 @dataclass(frozen=True, eq=False)
+class Crew:
+    """Arms of one model, which take every step side by side.
+
+    Attributes:
+        kernels: of the model.
+        columns: of each arm's joints among all of them, (k, n).
+        goals: of the tips, see `Placement`, (k, 7).
+        ties: to the object, alike, (k, 2m² + n).
+        lower: joint limits, infinite where a joint can turn all the way, (k, n).
+        upper: alike.
+    """
+
+    kernels: ArmKernels
+    columns: Indices
+    goals: Array
+    ties: Array
+    lower: Array
+    upper: Array
+
+    def terms(self, q: Array) -> Array:
+        """What the arms add to the sums, (count, k, s), at q, (count, k, n)."""
+        count, k, n = q.shape
+        ties = np.tile(self.ties, (count, 1))
+        return self.kernels.terms(q.reshape(-1, n), ties).reshape(count, k, -1)
+
+    def local(self, q: Array, weights: Array) -> tuple[Array, Array, Array]:
+        """Terms, (rows, s), J, (rows, m, n), and slopes, (rows, n), of the arms of many starts.
+
+        Args:
+            q: (count, k, d, n).
+            weights: of the terms, (count, s).
+        """
+        count, k, d, n = q.shape
+        m, s = self.kernels.m, weights.shape[1]
+        x = np.empty((count, k, d, n + s))
+        x[..., :n], x[..., n:] = q, weights[:, None, None]
+        ties = np.hstack([self.goals, self.ties])
+        given = np.broadcast_to(ties[:, None], (count, k, d, ties.shape[1])).reshape(
+            -1, ties.shape[1]
+        )
+        values = self.kernels.local(x.reshape(-1, n + s), given)
+        J = values[:, s : s + m * n].reshape(-1, m, n)
+        return values[:, :s], J, values[:, s + m * n :]
+
+    def stopped(self, q: Array) -> Mask:
+        """Which joints are at a limit, (count, k, n)."""
+        return np.asarray((q <= self.lower) | (q >= self.upper))
+
+
+@dataclass(frozen=True, eq=False)
 class _Point:
     """Postures with everything that the next step takes.
 
-    Arrays begin with (count,); lists have an entry for each arm.
-
     Attributes:
-        q: by arm, (count, n).
-        terms: by arm, (count, s).
+        q: by crew, (count, k, n).
+        held: by crew, joints that are taken to be stopped, (count, k, n).
+        terms: by crew, (count, k, s).
         value: (count,).
         weights: derivatives of the value by the sums of the terms, (count, s).
     """
 
     q: list[Array]
+    held: list[Mask]
     terms: list[Array]
+    sums: Array
     value: Array
     weights: Array
+
+    def taken(self, rows: Mask) -> _Point:
+        """Those of some starts."""
+        if rows.all():
+            return self
+        return _Point(
+            [q[rows] for q in self.q],
+            [held[rows] for held in self.held],
+            [terms[rows] for terms in self.terms],
+            self.sums[rows],
+            self.value[rows],
+            self.weights[rows],
+        )
+
+    def put(self, rows: Indices, other: _Point, chosen: Mask) -> None:
+        """Take chosen starts of another in the place of some of these."""
+        for mine, theirs in (
+            *zip(self.q, other.q, strict=True),
+            *zip(self.held, other.held, strict=True),
+            *zip(self.terms, other.terms, strict=True),
+            (self.sums, other.sums),
+            (self.value, other.value),
+            (self.weights, other.weights),
+        ):
+            mine[rows] = theirs[chosen]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,265 +155,209 @@ class Polisher:
     """Maximises a score over the postures of a cell.
 
     Attributes:
-        arms: kernels by arm.
-        score: of the sums of the arms' terms.
-        placement: of the object.
+        crews: the arms that move.
+        score: of the sums of all arms' terms.
         given: what the score's kernels take beside the sums.
-        lower: joint limits by arm; infinite where a joint can turn all the way.
-        upper: alike.
+        rest: what arms that do not move add to the sums, (s,).
     """
 
-    arms: Sequence[ArmKernels]
+    crews: Sequence[Crew]
     score: Score
-    placement: Placement
     given: Array
-    lower: Sequence[Array]
-    upper: Sequence[Array]
+    rest: Array | float
 
     def polish(self, q: Array) -> Polished:
         """Climb from closed postures, (count, N), to local maxima."""
-        edges = np.cumsum([arm.n for arm in self.arms])[:-1]
         ends, values = q.copy(), np.full(len(q), -np.inf)
         errors = np.full(len(q), np.inf)
-        rows = np.arange(len(q))
-        point = self._point(np.split(q, edges, axis=1))
+        parts = [q[:, crew.columns] for crew in self.crews]
+        stopped = [crew.stopped(part) for crew, part in zip(self.crews, parts, strict=True)]
+        point = self._point(parts, stopped)
         sound = np.isfinite(point.value)
-        rows, point = rows[sound], _taken(point, sound)
-        held = [self._stopped(i, mine) for i, mine in enumerate(point.q)]
+        rows, point = np.flatnonzero(sound), point.taken(sound)
         for _ in range(_ITERATIONS):
             if len(rows) == 0:
                 break
-            slopes = [self._slope(i, q, point.weights) for i, q in enumerate(point.q)]
-            planes = [self._plane(i, point.q[i], slopes[i], held[i]) for i in range(len(self.arms))]
-            held = [plane.held for plane in planes]
-            error = self._error(planes)
-            ends[rows], values[rows], errors[rows] = np.hstack(point.q), point.value, error
+            tangents = [self._tangent(j, point) for j in range(len(self.crews))]
+            error = self._error(tangents, len(rows))
+            for crew, part in zip(self.crews, point.q, strict=True):
+                ends[rows[:, None, None], crew.columns] = part
+            values[rows], errors[rows] = point.value, error
             going = error > TOLERANCE
-            rows, point = rows[going], _taken(point, going)
-            planes = [plane.taken(going) for plane in planes]
-            held = [mine[going] for mine in held]
-            if len(rows) == 0:
+            if not going.any():
                 break
-            direction = self._direction(point, planes)
-            point, moved, held = self._advance(point, planes, direction, held)
-            rows, point = rows[moved], _taken(point, moved)
-            held = [mine[moved] for mine in held]
+            if not going.all():
+                rows, point = rows[going], point.taken(going)
+                tangents = [
+                    tangent.taken(np.repeat(going, len(crew.columns)))
+                    for crew, tangent in zip(self.crews, tangents, strict=True)
+                ]
+            point, moved = self._advance(point, *self._feasible_direction(point, tangents))
+            rows, point = rows[moved], point.taken(moved)
         return Polished(ends, values, errors)
 
-    def _point(self, q: list[Array]) -> _Point:
-        terms = [
-            arm.terms(mine, tie)
-            for arm, mine, tie in zip(self.arms, q, self.placement.ties, strict=True)
-        ]
-        sums = np.asarray(sum(terms))
-        value = self.score.value(sums, self.given)[:, 0]
-        return _Point(q, terms, value, self.score.slope(sums, self.given))
+    def _point(self, q: list[Array], held: list[Mask]) -> _Point:
+        terms = [crew.terms(mine) for crew, mine in zip(self.crews, q, strict=True)]
+        sums = np.asarray(sum(mine.sum(axis=1) for mine in terms) + self.rest)
+        both = self.score.slope(sums, self.given)
+        return _Point(q, held, terms, sums, both[:, 0].copy(), both[:, 1:])
 
-    def _slope(self, i: int, q: Array, weights: Array) -> Array:
-        """Derivatives of the value by the joints of arm i, (count, n)."""
-        return self.arms[i].slope(np.hstack([q, weights]), self.placement.ties[i])
+    def _tangent(self, j: int, point: _Point) -> Tangent:
+        """The tangent spaces of a crew; held joints that gain by leaving their limits are let go."""
+        crew, q = self.crews[j], point.q[j]
+        n = q.shape[2]
+        _, J, slope = crew.local(q[:, :, None], point.weights)
+        above, below = q >= crew.upper, q <= crew.lower
+        held = (point.held[j] & (above | below)).reshape(-1, n)
+        outward = (above.astype(float) - below).reshape(-1, n)
+        return Tangent.of(J, slope, held).released(outward)
 
-    def _stopped(self, i: int, q: Array) -> Mask:
-        return np.asarray((q <= self.lower[i]) | (q >= self.upper[i]))
-
-    def _plane(self, i: int, q: Array, slope: Array, held: Mask) -> _Plane:
-        """The tangent space at q; held joints that would rather leave their limits are let go."""
-        _, J = self.arms[i].residual(q, self.placement.goals[i])
-        outward = (q >= self.upper[i]).astype(float) - (q <= self.lower[i])
-        plane = _Plane.of(J, slope, held & (outward != 0), outward)
-        for _ in range(q.shape[1]):
-            # The value grows inwards: the joint that gains most is free again.
-            pull = np.where(plane.held, -outward * plane.multipliers, 0.0)
-            worst = pull.argmax(axis=1)
-            wrong = pull[np.arange(len(q)), worst] > TOLERANCE
-            if not wrong.any():
-                break
-            held = plane.held.copy()
-            held[np.flatnonzero(wrong), worst[wrong]] = False
-            plane = _Plane.of(J, slope, held, outward)
-        return plane
-
-    def _error(self, planes: list[_Plane]) -> Array:
+    def _error(self, tangents: list[Tangent], count: int) -> Array:
         """IPOPT's scaled dual infeasibility, (count,).
 
         The largest entry of ∇f + Jᵀλ − z with least-squares multipliers, over
         max(100, mean |λ|, |z|)/100 (A. Wächter, L. T. Biegler, 2006, eq. 5).
         """
-        largest = np.max([np.abs(plane.rest).max(axis=1) for plane in planes], axis=0)
-        total = sum(plane.multiplier_sum for plane in planes)
-        count = sum(arm.m + arm.n for arm in self.arms)
-        return np.asarray(largest / np.maximum(1.0, total / count / _SCALE))
+        largest, total, entries = np.zeros(count), np.zeros(count), 0
+        for tangent in tangents:
+            left = np.abs(tangent.left)
+            rest = np.where(tangent.held, 0.0, left).reshape(count, -1)
+            largest = np.maximum(largest, rest.max(axis=1))
+            stopped = left.reshape(count, -1).sum(axis=1) - rest.sum(axis=1)
+            forces = np.abs(tangent.forces).reshape(count, -1)
+            total += stopped + forces.sum(axis=1)
+            entries += rest.shape[1] + forces.shape[1]
+        return largest / np.maximum(1.0, total / entries / _SCALE)
 
-    def _direction(self, point: _Point, planes: list[_Plane]) -> list[Array]:
-        """A Newton step in the tangent spaces that ascends, by arm, (count, n)."""
+    def _feasible_direction(
+        self, point: _Point, tangents: list[Tangent]
+    ) -> tuple[list[Tangent], list[Array]]:
+        """A direction that pushes no joint through its limit, and the tangent spaces it is of."""
+        direction = self._direction(point, tangents)
+        for _ in range(max(crew.kernels.n for crew in self.crews)):
+            pushed = [
+                ((q >= crew.upper) & (step > 0) | (q <= crew.lower) & (step < 0)).reshape(
+                    tangent.held.shape
+                )
+                & ~tangent.held
+                for crew, q, step, tangent in zip(
+                    self.crews, point.q, direction, tangents, strict=True
+                )
+            ]
+            if not any(push.any() for push in pushed):
+                break
+            tangents = [t.holding(push) for t, push in zip(tangents, pushed, strict=True)]
+            direction = self._direction(point, tangents)
+        return tangents, direction
+
+    def _direction(self, point: _Point, tangents: list[Tangent]) -> list[Array]:
+        """A Newton step in the tangent spaces that ascends, by crew, (count, k, n)."""
         count = len(point.value)
-        changes, curvatures, weights = [], [], []
-        sums = np.asarray(sum(point.terms))
-        for i, (arm, plane) in enumerate(zip(self.arms, planes, strict=True)):
-            basis = plane.basis
-            d, n = basis.shape[1:]
-            if d == 0:
-                continue
-            beside = (point.q[i][:, None] + _DIFFERENCE * basis).reshape(-1, n)
-            repeated = np.repeat(point.weights, d, axis=0)
-            slope = self._slope(i, beside, repeated).reshape(count, d, n)
-            _, J = arm.residual(beside, self.placement.goals[i])
-            J = J.reshape(count, d, arm.m, n)
-            bend = (
-                slope
-                - plane.slope[:, None]
-                - np.einsum("cdmn,cm->cdn", J - plane.J[:, None], plane.forces)
-            )
-            curvatures.append(bend @ basis.transpose(0, 2, 1) / _DIFFERENCE)
-            terms = arm.terms(beside, self.placement.ties[i]).reshape(count, d, -1)
-            change = (terms - point.terms[i][:, None]) / _DIFFERENCE
-            changes.append(change)
-            shifted = (sums[:, None] + _DIFFERENCE * change).reshape(count * d, -1)
-            weights.append(self.score.slope(shifted, self.given).reshape(count, d, -1))
-        if not changes:
-            return [np.zeros_like(q) for q in point.q]
+        changes, blocks = [], []
+        for j, (crew, tangent) in enumerate(zip(self.crews, tangents, strict=True)):
+            k, (d, n) = len(crew.columns), tangent.basis.shape[1:]
+            basis = tangent.basis.reshape(count, k, d, n)
+            beside = point.q[j][:, :, None] + _DIFFERENCE * basis
+            terms, J, slope = crew.local(beside, point.weights)
+            J = J.reshape(-1, d, crew.kernels.m, n)
+            bend = slope.reshape(-1, d, n) - tangent.slope[:, None]
+            bend -= (tangent.forces[:, None, None] @ (J - tangent.J[:, None]))[:, :, 0]
+            curvature = bend @ tangent.basis.transpose(0, 2, 1) / _DIFFERENCE
+            blocks += list(curvature.reshape(count, k, d, d).swapaxes(0, 1))
+            change = terms.reshape(count, k, d, -1) - point.terms[j][:, :, None]
+            changes.append(change.reshape(count, k * d, -1) / _DIFFERENCE)
         change = np.concatenate(changes, axis=1)
-        weight = (np.concatenate(weights, axis=1) - point.weights[:, None]) / _DIFFERENCE
-        H = weight @ change.transpose(0, 2, 1)
-        k = 0
-        for block in curvatures:
-            d = block.shape[1]
-            H[:, k : k + d, k : k + d] += block
-            k += d
+        free = change.shape[1]
+        if free == 0:
+            return [np.zeros_like(q) for q in point.q]
+        shifted = point.sums[:, None] + _DIFFERENCE * change
+        weights = self.score.slope(shifted.reshape(count * free, -1), self.given)[:, 1:]
+        bent = weights.reshape(count, free, -1) - point.weights[:, None]
+        H = bent @ change.transpose(0, 2, 1) / _DIFFERENCE
+        first = 0
+        for block in blocks:
+            last = first + block.shape[1]
+            H[:, first:last, first:last] += block
+            first = last
         gradient = np.concatenate(
-            [(plane.basis @ plane.slope[:, :, None])[:, :, 0] for plane in planes], axis=1
+            [(t.basis @ t.slope[:, :, None]).reshape(count, -1) for t in tangents], axis=1
         )
         step = _ascent(H, gradient)
-        parts = np.split(step, np.cumsum([plane.basis.shape[1] for plane in planes])[:-1], axis=1)
-        return [
-            (part[:, None] @ plane.basis)[:, 0] for part, plane in zip(parts, planes, strict=True)
-        ]
+        direction, first = [], 0
+        for crew, tangent in zip(self.crews, tangents, strict=True):
+            k, (d, n) = len(crew.columns), tangent.basis.shape[1:]
+            part = step[:, first : first + k * d].reshape(-1, 1, d)
+            direction.append((part @ tangent.basis).reshape(count, k, n))
+            first += k * d
+        return direction
 
     def _advance(
-        self, point: _Point, planes: list[_Plane], direction: list[Array], held: list[Mask]
-    ) -> tuple[_Point, Mask, list[Mask]]:
+        self, point: _Point, tangents: list[Tangent], direction: list[Array]
+    ) -> tuple[_Point, Mask]:
         """Go along the direction as far as limits allow and the value grows.
 
         Returns:
-            The new postures, which of them moved, and what is held at them.
+            The new postures, and which of them moved.
         """
         count = len(point.value)
-        reach = np.ones(count)
-        for step in direction:
-            longest = np.abs(step).max(axis=1)
-            reach = np.minimum(reach, _LONGEST / np.maximum(longest, _LONGEST))
-        for i, step in enumerate(direction):
-            room = np.where(step > 0, self.upper[i] - point.q[i], point.q[i] - self.lower[i])
-            with np.errstate(divide="ignore", invalid="ignore"):
-                part = np.where(step != 0, np.maximum(room, 0.0) / np.abs(step), np.inf)
-            reach = np.minimum(reach, part.min(axis=1))
-        gain = np.asarray(
-            sum(
-                (plane.slope * step).sum(axis=1)
-                for plane, step in zip(planes, direction, strict=True)
-            )
-        )
-        best = point
+        reach, gain = np.ones(count), np.zeros(count)
+        held = []
+        for j, (crew, step) in enumerate(zip(self.crews, direction, strict=True)):
+            size = np.abs(step)
+            reach = np.minimum(reach, _LONGEST / np.maximum(size.max(axis=(1, 2)), _LONGEST))
+            room = np.where(step > 0, crew.upper - point.q[j], point.q[j] - crew.lower)
+            part = np.full_like(step, np.inf)
+            np.divide(np.maximum(room, 0.0), size, out=part, where=size > 0)
+            reach = np.minimum(reach, part.min(axis=(1, 2)))
+            gain += (tangents[j].slope.reshape(step.shape) * step).sum(axis=(1, 2))
+            held.append(tangents[j].held.reshape(step.shape))
         moved = np.zeros(count, dtype=bool)
+        ahead: _Point | None = None
         trying = np.arange(count)
-        new_held = [mine.copy() for mine in held]
         for _ in range(_HALVINGS):
-            tried = self._retracted(point, direction, reach, held, trying)
-            if tried is not None:
-                closed, trial, stops = tried
-                wanted = 1e-4 * reach[trying] * gain[trying]
-                noise = _ROUNDING * (1 + np.abs(point.value[trying]))
-                good = closed & (trial.value >= point.value[trying] + wanted - noise)
-                best = _placed(best, trial, trying[good], good)
-                for mine, stop in zip(new_held, stops, strict=True):
-                    mine[trying[good]] = stop[good]
-                moved[trying[good]] = True
-                trying = trying[~good]
+            closed, trial = self._retracted(point, direction, reach, held, trying)
+            wanted = 1e-4 * reach[trying] * gain[trying]
+            noise = _NOISE * (1 + np.abs(point.value[trying]))
+            good = closed & (trial.value >= point.value[trying] + wanted - noise)
+            if ahead is None:
+                ahead = trial
+            else:
+                ahead.put(trying[good], trial, good)
+            moved[trying[good]] = True
+            trying = trying[~good]
             if len(trying) == 0:
                 break
             reach[trying] /= 2
-        return best, moved, new_held
+        assert ahead is not None
+        return ahead, moved
 
     def _retracted(
         self, point: _Point, direction: list[Array], reach: Array, held: list[Mask], rows: Indices
-    ) -> tuple[Mask, _Point, list[Mask]] | None:
+    ) -> tuple[Mask, _Point]:
         """Postures after a step, closed again, with held joints where they are."""
         ends, stops = [], []
         closed = np.ones(len(rows), dtype=bool)
-        for i, arm in enumerate(self.arms):
-            there = point.q[i][rows]
-            guess = np.clip(
-                there + reach[rows, None] * direction[i][rows], self.lower[i], self.upper[i]
-            )
+        for j, crew in enumerate(self.crews):
+            there = point.q[j][rows]
+            shape, n = there.shape, there.shape[2]
+            guess = there + reach[rows, None, None] * direction[j][rows]
+            guess = np.where(guess < crew.lower + _AT_LIMIT, crew.lower, guess)
+            guess = np.where(guess > crew.upper - _AT_LIMIT, crew.upper, guess)
             # What a step of full reach brings to its limit stays there.
-            stop = held[i][rows] | (self._stopped(i, guess) & ~self._stopped(i, there))
-            lower = np.where(stop, guess, self.lower[i])
-            upper = np.where(stop, guess, self.upper[i])
-            end, gap = project(arm, guess, self.placement.goals[i], lower, upper, steps=12,
-                               closed=1e-12)  # fmt: skip
-            closed &= gap < CLOSED
-            ends.append(end)
-            stops.append(stop | self._stopped(i, end))
-        return closed, self._point(ends), stops
-
-
-@dataclass(frozen=True, eq=False)
-class _Plane:
-    """The tangent space of one arm's self-motion and the multipliers there.
-
-    Attributes:
-        J: derivative of the closure, (count, m, n).
-        slope: of the value, (count, n).
-        held: joints that a limit stops, (count, n).
-        basis: orthonormal rows, zero where there are fewer, (count, d, n).
-        forces: multipliers of the closure, (count, m).
-        multipliers: what is left of the slope at held joints, (count, n).
-        rest: what is left of it at the others, (count, n).
-    """
-
-    J: Array
-    slope: Array
-    held: Mask
-    basis: Array
-    forces: Array
-    multipliers: Array
-    rest: Array
-
-    @classmethod
-    def of(cls, J: Array, slope: Array, held: Mask, outward: Array) -> _Plane:
-        """From the singular values of J with the held joints taken out."""
-        U, s, V = np.linalg.svd(np.where(held[:, None], 0.0, J))
-        least = _RANK * s[:, :1]
-        full = s > least
-        inverse = np.where(full, 1 / np.where(full, s, 1.0), 0.0)
-        k = s.shape[1]
-        along = (V[:, :k] @ slope[:, :, None])[:, :, 0] * inverse
-        forces = (U[:, :, :k] @ along[:, :, None])[:, :, 0]
-        left = slope - (forces[:, None] @ J)[:, 0]
-        multipliers = np.where(held, left, 0.0)
-        rest = np.where(held, 0.0, left)
-        basis = _null_space(V[:, k:], held) if held.any() else V[:, k:]
-        return cls(J, slope, held, basis, forces, multipliers, rest)
-
-    @property
-    def multiplier_sum(self) -> Array:
-        return np.asarray(np.abs(self.forces).sum(axis=1) + np.abs(self.multipliers).sum(axis=1))
-
-    def taken(self, rows: Mask) -> _Plane:
-        return _Plane(**{name: value[rows] for name, value in vars(self).items()})
-
-
-def _null_space(null: Array, held: Mask) -> Array:
-    """Of the null space of a matrix with held columns taken out, the part that moves no held joint.
-
-    Args:
-        null: orthonormal rows, (count, d, n), that span it together with the held directions.
-        held: (count, n).
-    """
-    if null.shape[1] == 0:
-        return null
-    _, sizes, rows = np.linalg.svd(np.where(held[:, None], 0.0, null), full_matrices=False)
-    return np.where((sizes > 0.5)[:, :, None], rows, 0.0)
+            stop = held[j][rows] | (crew.stopped(guess) & ~crew.stopped(there))
+            end, gap = project(
+                crew.kernels,
+                guess.reshape(-1, n),
+                np.tile(crew.goals, (len(rows), 1)),
+                np.where(stop, guess, crew.lower).reshape(-1, n),
+                np.where(stop, guess, crew.upper).reshape(-1, n),
+                steps=12,
+                closed=_CLOSED_WELL,
+            )
+            closed &= (gap < CLOSED).reshape(shape[:2]).all(axis=1)
+            ends.append(end.reshape(shape))
+            stops.append(stop | crew.stopped(ends[-1]))
+        return closed, self._point(ends, stops)
 
 
 def _ascent(H: Array, gradient: Array) -> Array:
@@ -347,28 +370,3 @@ def _ascent(H: Array, gradient: Array) -> Array:
     size = np.maximum(size, _FLATTEST * np.maximum(size.max(axis=1, keepdims=True), 1.0))
     along = (vectors.transpose(0, 2, 1) @ gradient[:, :, None])[:, :, 0]
     return np.asarray((vectors @ (along / size)[:, :, None])[:, :, 0])
-
-
-def _taken(point: _Point, rows: Mask) -> _Point:
-    return _Point(
-        [q[rows] for q in point.q],
-        [terms[rows] for terms in point.terms],
-        point.value[rows],
-        point.weights[rows],
-    )
-
-
-def _placed(point: _Point, other: _Point, rows: Indices, chosen: Mask) -> _Point:
-    """The first with some rows replaced by chosen ones of the other."""
-
-    def put(into: Array, values: Array) -> Array:
-        into = into.copy()
-        into[rows] = values[chosen]
-        return into
-
-    return _Point(
-        [put(a, b) for a, b in zip(point.q, other.q, strict=True)],
-        [put(a, b) for a, b in zip(point.terms, other.terms, strict=True)],
-        put(point.value, other.value),
-        put(point.weights, other.weights),
-    )

@@ -29,7 +29,7 @@ class Score:
 
     Attributes:
         value: kernel of the sums, (s,), and of M_o and the objective's numbers.
-        slope: kernel of the value's derivatives by the sums, (s,).
+        slope: kernel of the value and its derivatives by the sums, (1 + s,).
         gram: kernel of the upper triangle of G.
         smooth: whether it is the objective itself.
     """
@@ -49,7 +49,7 @@ class Score:
         value = formulation.value if formulation.smooth is None else formulation.smooth
         given = ca.vertcat(inertia, numbers)
         self.value = Kernel(sums, given, value)
-        self.slope = Kernel(sums, given, ca.gradient(value, sums))
+        self.slope = Kernel(sums, given, ca.vertcat(value, ca.gradient(value, sums)))
         self.gram = Kernel(sums, given, upper_triangle(G))
 
     @property
@@ -127,6 +127,7 @@ def _exchanged(
     counts = [len(mine) for mine in terms]
     chosen = rng.integers(0, counts, (starts, len(counts)))
     evaluated = 0
+    seen = chosen[:0]
     for _ in range(_SWEEPS):
         before = chosen.copy()
         for k, mine in enumerate(terms):
@@ -142,11 +143,12 @@ def _exchanged(
             top = _table(score, given, [np.asarray(rest), mine]).argmax(axis=1)
             chosen[:, k] = top[where.ravel()]
             evaluated += len(distinct) * len(mine)
+        # Not only where the exchanges end: most starts end in the same few combinations.
+        seen = np.unique(np.vstack([seen, chosen]), axis=0)
         if np.array_equal(chosen, before):
             break
-    chosen = np.unique(chosen, axis=0)
-    sums = np.asarray(sum(mine[column] for mine, column in zip(terms, chosen.T, strict=True)))
-    return _ranked(chosen, _table(score, given, [sums]), evaluated)
+    sums = np.asarray(sum(mine[column] for mine, column in zip(terms, seen.T, strict=True)))
+    return _ranked(seen, _table(score, given, [sums]), evaluated)
 
 
 def _cleaned(values: Array) -> Array:

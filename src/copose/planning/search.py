@@ -14,7 +14,7 @@ from copose.planning.polishing import Polished
 from copose.planning.program import LocalSolve
 from copose.planning.screening import Screened, screen
 from copose.planning.self_motion import ArmSample, ArmSampler
-from copose.poses import Array, Mask
+from copose.poses import Array, Indices, Mask
 
 Progress: TypeAlias = Callable[[str, float], None]
 """Called with what is being done and the fraction of the whole that is behind."""
@@ -40,6 +40,7 @@ class Effort:
         surfaces: postures kept of an arm with more.
         starts: random combinations that exchange improves where there are more than two arms.
         polished: combinations that are polished.
+        rounds: of combining anew what was polished, at most.
     """
 
     batch: int
@@ -48,6 +49,7 @@ class Effort:
     surfaces: int
     starts: int
     polished: int
+    rounds: int
 
     def doubled(self) -> Effort:
         """Twice as much of everything but for the size of a batch."""
@@ -58,13 +60,18 @@ class Effort:
             surfaces=2 * self.surfaces,
             starts=2 * self.starts,
             polished=2 * self.polished,
+            rounds=2 * self.rounds,
         )
 
 
 EFFORTS = {
-    "low": Effort(batch=32, batches=4, loops=120, surfaces=150, starts=32, polished=8),
-    "normal": Effort(batch=64, batches=8, loops=240, surfaces=300, starts=96, polished=24),
-    "high": Effort(batch=128, batches=16, loops=480, surfaces=1200, starts=384, polished=160),
+    "low": Effort(batch=32, batches=4, loops=120, surfaces=150, starts=32, polished=8, rounds=0),
+    "normal": Effort(
+        batch=64, batches=8, loops=240, surfaces=300, starts=96, polished=24, rounds=2
+    ),
+    "high": Effort(
+        batch=128, batches=16, loops=480, surfaces=1200, starts=384, polished=160, rounds=6
+    ),
 }
 
 
@@ -122,30 +129,63 @@ def search(
     if any(len(sample.closed) == 0 for sample in samples):
         return Found(tuple(samples))
     progress("comparing postures", 0.5)
-    terms = [
-        kernels.terms(sample.closed, tie)
-        for kernels, sample, tie in zip(
-            machinery.arms, samples, setting.placement.ties, strict=True
-        )
-    ]
-    screened = screen(
-        machinery.score,
-        setting.given,
-        terms,
-        [sample.neighbours for sample in samples],
-        np.random.default_rng([seed, K]),
-        effort.starts,
-    )
-    starts = _distinct(cell, [sample.closed for sample in samples], screened, effort.polished)
-    optima, failures = polish(machinery, setting, starts, progress)
+    rng = np.random.default_rng([seed, K])
+    postures = [sample.closed for sample in samples]
+    near = [sample.neighbours for sample in samples]
+    screened = _screened(machinery, setting, postures, near, rng, effort.starts)
+    starts = _distinct(cell, postures, screened, effort.polished)
+    polished = _Polishing(machinery, setting, progress)
+    polished.add(starts)
+    combinations = screened.combinations
+    for _ in range(effort.rounds):
+        # At a good combination every arm's posture is good for what the others add up to, and it
+        # was polished for another sum before: so what is polished is combined anew.
+        postures = polished.postures()
+        for i, kernels in enumerate(machinery.arms):
+            if kernels.n - kernels.m > 1 and K > 1:
+                found = polished.responses(i, samples[i].closed, effort.polished)
+                postures[i] = np.vstack([postures[i], found])
+        near = [np.zeros((len(mine), 0), dtype=np.intp) for mine in postures]
+        screened = _screened(machinery, setting, postures, near, rng, effort.starts)
+        combinations += screened.combinations
+        again = _distinct(cell, postures, screened, effort.polished // 2)
+        before = polished.best
+        polished.add(polished.unknown(again))
+        if not polished.best > before + _SAME_OBJECTIVE:
+            break
     return Found(
         samples=tuple(samples),
-        combinations=screened.combinations,
+        combinations=combinations,
         best_sample=float(machinery.objectives(setting, starts[:1])[0]) if len(starts) else None,
-        starts=len(starts),
-        optima=optima,
-        failures=failures,
+        starts=polished.starts,
+        optima=tuple(_gathered(cell, polished.ends)),
+        failures=tuple(polished.failures),
     )
+
+
+def local_search(machinery: Machinery, setting: Setting, q: Array, progress: Progress) -> Found:
+    """The local optimum that a closed posture, (N,), leads to."""
+    polished = _Polishing(machinery, setting, progress)
+    polished.add(q[None])
+    return Found(
+        samples=(),
+        starts=1,
+        optima=tuple(_gathered(setting.cell, polished.ends)),
+        failures=tuple(polished.failures),
+    )
+
+
+def _screened(
+    machinery: Machinery,
+    setting: Setting,
+    postures: Sequence[Array],
+    neighbours: Sequence[Indices],
+    rng: np.random.Generator,
+    starts: int,
+) -> Screened:
+    arms = zip(machinery.arms, postures, setting.placement.ties, strict=True)
+    terms = [kernels.terms(mine, tie) for kernels, mine, tie in arms]
+    return screen(machinery.score, setting.given, terms, neighbours, rng, starts)
 
 
 def _distinct(cell: Cell, samples: Sequence[Array], screened: Screened, most: int) -> Array:
@@ -162,32 +202,79 @@ def _distinct(cell: Cell, samples: Sequence[Array], screened: Screened, most: in
     return chosen
 
 
-def polish(
-    machinery: Machinery, setting: Setting, starts: Array, progress: Progress
-) -> tuple[tuple[LocalOptimum, ...], tuple[LocalSolve, ...]]:
-    """Local optima from closed postures, (count, N), best first, and what failed.
+class _Polishing:
+    """What polishing has come to so far.
 
     Newton steps along the self-motions come first. IPOPT solves the posture program where they do
     not meet its tolerance, and where the objective has kinks.
     """
-    cell = setting.cell
-    progress("polishing", 0.6)
-    ends = machinery.polisher(setting).polish(starts)
-    solved = ends.converged & machinery.smooth
-    values = machinery.objectives(setting, ends.q)
-    ending = [
-        LocalOptimum(q, value, 1) for q, value in zip(ends.q[solved], values[solved], strict=True)
-    ]
-    failures = []
-    for k, q in enumerate(_left(cell, ends, solved, machinery.smooth)):
-        progress("polishing", 0.7 + 0.3 * k / len(starts))
-        end = machinery.program.solve(q, cell.parameters, *setting.bounds)
-        value = machinery.objectives(setting, end.q[None])[0]
-        if end.converged and np.isfinite(value):
-            ending.append(LocalOptimum(end.q, value, 1))
-        else:
-            failures.append(end)
-    return tuple(_gathered(cell, ending)), tuple(failures)
+
+    def __init__(self, machinery: Machinery, setting: Setting, progress: Progress) -> None:
+        """Nothing polished yet."""
+        self._machinery, self._setting, self._progress = machinery, setting, progress
+        self.starts = 0
+        self.ends: list[LocalOptimum] = []
+        self.failures: list[LocalSolve] = []
+
+    @property
+    def best(self) -> float:
+        return max((end.objective for end in self.ends), default=-np.inf)
+
+    def postures(self) -> list[Array]:
+        """By arm, where polishing has ended, without repetition."""
+        cell = self._setting.cell
+        optima = np.array([optimum.q for optimum in _gathered(cell, self.ends)])
+        parts = [part.T for part in cell.system.split(optima.T)] if len(optima) else []
+        return [np.unique(part.round(9), axis=0) for part in parts]
+
+    def responses(self, i: int, closed: Array, most: int) -> Array:
+        """Local optima of arm i alone beside the others' postures of the best end, (count, n_i).
+
+        Args:
+            i: the arm.
+            closed: its postures to start from, (count, n_i).
+            most: of them that are polished.
+        """
+        machinery, setting = self._machinery, self._setting
+        cell = setting.cell
+        best = max(self.ends, key=lambda end: end.objective)
+        parts = cell.system.split(best.q)
+        arms = list(zip(machinery.arms, parts, setting.placement.ties, strict=True))
+        others = [arm.terms(q[None], tie)[0] for j, (arm, q, tie) in enumerate(arms) if j != i]
+        rest = np.asarray(sum(others))
+        kernels, _, tie = arms[i]
+        scores = machinery.score.value(kernels.terms(closed, tie) + rest, setting.given)[:, 0]
+        starts = closed[np.argsort(-scores, kind="stable")[:most]]
+        ends = machinery.polisher(setting, i, rest).polish(starts)
+        return np.asarray(ends.q[ends.converged])
+
+    def unknown(self, starts: Array) -> Array:
+        """Those of the starts that are no end."""
+        ends = np.array([end.q for end in self.ends])
+        cell = self._setting.cell
+        new = [np.all(_distances(cell, ends, q) > _SAME_JOINTS) for q in starts]
+        return np.asarray(starts[np.array(new, dtype=bool)])
+
+    def add(self, starts: Array) -> None:
+        """Polish closed postures, (count, N)."""
+        machinery, setting = self._machinery, self._setting
+        if len(starts) == 0:
+            return
+        self._progress("polishing", 0.6)
+        self.starts += len(starts)
+        ends = machinery.polisher(setting).polish(starts)
+        solved = ends.converged & machinery.smooth
+        values = machinery.objectives(setting, ends.q)
+        for q, value in zip(ends.q[solved], values[solved], strict=True):
+            self.ends.append(LocalOptimum(q, float(value), 1))
+        for k, q in enumerate(_left(setting.cell, ends, solved, machinery.smooth)):
+            self._progress("polishing", 0.7 + 0.3 * k / len(starts))
+            end = machinery.program.solve(q, setting.cell.parameters, *setting.bounds)
+            value = float(machinery.objectives(setting, end.q[None])[0])
+            if end.converged and np.isfinite(value):
+                self.ends.append(LocalOptimum(end.q, value, 1))
+            else:
+                self.failures.append(end)
 
 
 def _left(cell: Cell, ends: Polished, solved: Mask, smooth: bool) -> Array:

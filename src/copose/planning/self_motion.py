@@ -239,8 +239,10 @@ class ArmSampler:
         offset = self.cell.nearest_turn(self.i, points[:, None] - points[None])
         distance = (offset**2).sum(axis=2)
         np.fill_diagonal(distance, np.inf)
-        k = min(_NEIGHBOURS * max(1, self.kernels.n - self.kernels.m), len(points) - 1)
-        return np.argpartition(distance, k - 1, axis=1)[:, :k] if k > 0 else np.zeros((1, 0), int)
+        k = min(_NEIGHBOURS * (self.kernels.n - self.kernels.m), len(points) - 1)
+        if k <= 0:
+            return np.zeros((len(points), 0), dtype=np.intp)
+        return np.argpartition(distance, k - 1, axis=1)[:, :k]
 
 
 def _thinned(points: Array, most: int) -> Array:

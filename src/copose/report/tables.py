@@ -15,6 +15,9 @@ from copose.report.slices import Slice, angular_slice, linear_slice
 from copose.results import Solution
 from copose.robots import Arm
 
+# Local optima that are listed.
+_OPTIMA = 5
+
 
 def solution_table(solution: Solution) -> RenderableType:
     """What a result says, in the order in which a reader asks."""
@@ -111,17 +114,41 @@ def _joints(solution: Solution) -> Table:
 
 
 def _evidence(solution: Solution) -> str:
-    timing = solution.timing
-    seconds = f"built in {timing.build_s:.2f} s, searched {timing.search_s:.2f} s"
-    search = solution.search
+    """What was searched, what was found, and how long it took."""
+    timing, search = solution.timing, solution.search
+    lines = [
+        f"built in {timing.build_s:.2f} s, searched {timing.search_s:.2f} s ({timing.kernels})"
+    ]
     if search is None or not search.local_optima:
-        return seconds
+        return lines[0]
     best = search.local_optima
-    listed = ", ".join(f"{o.objective:.6f}" + (f" ×{o.count}" if o.count > 1 else "") for o in best)
-    return (
-        f"{len(best)} local optima from {search.starts} starts (seed {search.seed}): {listed}\n"
-        + seconds
-    )
+    listed = [f"{o.objective:.6f}" + (f" ×{o.count}" if o.count > 1 else "") for o in best]
+    if len(listed) > _OPTIMA:
+        listed = [*listed[:_OPTIMA], "…"]
+    starts = _counted(search.starts, "start")
+    found = f"{_counted(len(best), 'local optimum', 'local optima')} from {starts}: "
+    lines.insert(0, found + ", ".join(listed))
+    if search.samples:
+        postures = " × ".join(str(sample.closed) for sample in search.samples.values())
+        combined = f"{postures} closed postures, {_counted(search.combinations, 'combination')}"
+        if search.best_sample is not None:
+            combined += f", the best {search.best_sample:.6f}"
+        lines.insert(0, f"{combined} (seed {search.seed}, {search.effort} effort)")
+    if search.failures:
+        ways = ", ".join(f"{failure.status} ×{failure.count}" for failure in search.failures)
+        lines.insert(-1, f"failed: {ways}")
+    again = search.verification
+    if again is not None:
+        verdict = "stands" if again.stands else "did not stand"
+        value = "nothing" if again.objective is None else f"{again.objective:.6f}"
+        lines.insert(
+            -1, f"the answer {verdict}: seed {again.seed} with twice the effort found {value}"
+        )
+    return "\n".join(lines)
+
+
+def _counted(count: int, one: str, many: str | None = None) -> str:
+    return f"{count:,} {one if count == 1 else many or one + 's'}"
 
 
 def chains(name: str, space: str, arms: tuple[Arm, ...], notes: tuple[str, ...]) -> RenderableType:
