@@ -153,6 +153,15 @@ class Cell:
         revolute = self._revolute[i]
         return turned if revolute.all() else np.where(revolute, turned, q)
 
+    def embedded(self, i: int, q: Array) -> Array:
+        """Positions of arm i, (count, n), as points whose distance no whole turn changes.
+
+        Revolute joints are points of unit circles, whose chords are nearly the angles where these
+        are small; (count, 2n).
+        """
+        revolute = self._revolute[i]
+        return np.hstack([np.where(revolute, np.cos(q), q), np.where(revolute, np.sin(q), 0.0)])
+
     @cached_property
     def _revolute(self) -> tuple[Mask, ...]:
         return tuple(

@@ -203,7 +203,7 @@ class Polisher:
         return _Point(q, held, terms, sums, both[:, 0].copy(), both[:, 1:])
 
     def _tangent(self, j: int, point: _Point) -> Tangent:
-        """The tangent spaces of a crew; held joints that gain by leaving their limits are let go."""
+        """The tangent spaces of a crew, with joints let go that gain by leaving their limits."""
         crew, q = self.crews[j], point.q[j]
         n = q.shape[2]
         _, J, slope = crew.local(q[:, :, None], point.weights)

@@ -27,6 +27,9 @@ _TIE = 1e-8
 # Ends that did not converge matter where they come near the best.
 _NEAR_BEST = 1e-2
 _KINKED = 10
+# Starts that are polished at a time, and how many times the largest gain so far the next may hope
+# for.
+_AT_ONCE, _HOPE = 8, 10.0
 
 
 @dataclass(frozen=True)
@@ -133,11 +136,12 @@ def search(
     postures = [sample.closed for sample in samples]
     near = [sample.neighbours for sample in samples]
     screened = _screened(machinery, setting, postures, near, rng, effort.starts)
-    starts = _distinct(cell, postures, screened, effort.polished)
+    starts, scores = _distinct(cell, postures, screened, effort.polished)
     polished = _Polishing(machinery, setting, progress)
-    polished.add(starts)
+    polished.add_promising(starts, scores)
     combinations = screened.combinations
-    for _ in range(effort.rounds):
+    dense = K <= 2 and all(kernels.n - kernels.m <= 1 for kernels in machinery.arms)
+    for _ in range(0 if dense or not polished.ends else effort.rounds):
         # At a good combination every arm's posture is good for what the others add up to, and it
         # was polished for another sum before: so what is polished is combined anew.
         postures = polished.postures()
@@ -148,7 +152,7 @@ def search(
         near = [np.zeros((len(mine), 0), dtype=np.intp) for mine in postures]
         screened = _screened(machinery, setting, postures, near, rng, effort.starts)
         combinations += screened.combinations
-        again = _distinct(cell, postures, screened, effort.polished // 2)
+        again, _ = _distinct(cell, postures, screened, effort.polished // 2)
         before = polished.best
         polished.add(polished.unknown(again))
         if not polished.best > before + _SAME_OBJECTIVE:
@@ -188,18 +192,22 @@ def _screened(
     return screen(machinery.score, setting.given, terms, neighbours, rng, starts)
 
 
-def _distinct(cell: Cell, samples: Sequence[Array], screened: Screened, most: int) -> Array:
-    """The best combinations that differ from one another in some joint, stacked, (count, N)."""
-    q = np.hstack(
-        [sample[column] for sample, column in zip(samples, screened.chosen.T, strict=True)]
-    )
-    chosen = np.zeros((0, q.shape[1]))
-    for row in q:
-        if np.all(_distances(cell, chosen, row) > _APART):
-            chosen = np.vstack([chosen, row])
-        if len(chosen) == most:
-            break
-    return chosen
+def _distinct(
+    cell: Cell, samples: Sequence[Array], screened: Screened, most: int
+) -> tuple[Array, Array]:
+    """The best combinations that differ from one another in some joint.
+
+    Returns:
+        Stacked joints, (count, N), and scores, (count,).
+    """
+    columns = screened.chosen.T
+    q = np.hstack([sample[column] for sample, column in zip(samples, columns, strict=True)])
+    left = np.arange(len(q))
+    chosen: list[int] = []
+    while len(left) and len(chosen) < most:
+        chosen.append(left[0])
+        left = left[_distances(cell, q[left], q[left[0]]) > _APART]
+    return q[chosen], screened.scores[chosen]
 
 
 class _Polishing:
@@ -255,11 +263,22 @@ class _Polishing:
         new = [np.all(_distances(cell, ends, q) > _SAME_JOINTS) for q in starts]
         return np.asarray(starts[np.array(new, dtype=bool)])
 
-    def add(self, starts: Array) -> None:
-        """Polish closed postures, (count, N)."""
+    def add_promising(self, starts: Array, scores: Array) -> None:
+        """Polish starts, best first, until the next would have to gain far more than any has."""
+        gained, best = 0.0, -np.inf
+        for first in range(0, len(starts), _AT_ONCE):
+            rows = slice(first, first + _AT_ONCE)
+            if scores[first] + _HOPE * gained < best:
+                break
+            ends = self.add(starts[rows])
+            best = max(best, ends.max(initial=-np.inf))
+            gained = max(gained, (ends - scores[rows]).max(initial=0.0))
+
+    def add(self, starts: Array) -> Array:
+        """Polish closed postures, (count, N); the scores where they end, (count,)."""
         machinery, setting = self._machinery, self._setting
         if len(starts) == 0:
-            return
+            return np.zeros(0)
         self._progress("polishing", 0.6)
         self.starts += len(starts)
         ends = machinery.polisher(setting).polish(starts)
@@ -275,6 +294,7 @@ class _Polishing:
                 self.ends.append(LocalOptimum(end.q, value, 1))
             else:
                 self.failures.append(end)
+        return np.where(ends.converged, ends.value, -np.inf)
 
 
 def _left(cell: Cell, ends: Polished, solved: Mask, smooth: bool) -> Array:
