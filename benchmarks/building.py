@@ -61,6 +61,7 @@ for _side in ("left", "right"):
 ROBOTS |= _SIDES
 
 _TRIES = 300
+_BETWEEN_HANDS = 0.3
 
 
 def placement(pose: pin.SE3) -> Tables:
@@ -75,7 +76,7 @@ def cell(name: str, robots: tuple[str, ...], seed: int, **extra: Any) -> tuple[T
     """Robots round an object in space, and joints that hold it.
 
     Free-standing robots get a base within 0.25 m of fitting; the two arms of one robot stay where
-    they are, and the object goes between their hands where these are nearest among the draws.
+    they are, and the object goes between their hands, of the draws whose distance is nearest 0.3 m.
 
     Args:
         name: of the problem.
@@ -133,7 +134,7 @@ def cell(name: str, robots: tuple[str, ...], seed: int, **extra: Any) -> tuple[T
 
 def _spread(models: list[UrdfArm], joints: list[Any]) -> float:
     tips = [model.at(q)[0].translation for model, q in zip(models, joints, strict=True)]
-    return float(np.linalg.norm(tips[0] - tips[-1]))
+    return abs(float(np.linalg.norm(tips[0] - tips[-1])) - _BETWEEN_HANDS)
 
 
 def ring(

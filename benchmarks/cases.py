@@ -12,8 +12,9 @@ from functools import cache
 from typing import Any
 
 import building
-import copose
 from building import Joints, Tables
+
+import copose
 from reference import PROBLEMS
 
 _PANDA_POSTURE = [0.0, -0.2, 0.0, -2.0, 0.0, 1.9, 0.8]
@@ -115,13 +116,13 @@ _BUILT: dict[str, tuple[str, str, Callable[[str], _Made]]] = {
     "pr2-dual": (
         "two arms of one robot with continuous joints",
         "normal",
-        lambda name: building.cell(name, ("pr2-left", "pr2-right"), 9),
+        lambda name: building.cell(name, ("pr2-left", "pr2-right"), 31),
     ),
     "tiago-dual": (
         "two arms of one robot, torso locked; worst linear direction, torque-optimal at limits",
         "normal",
         lambda name: building.cell(
-            name, ("tiago-left", "tiago-right"), 10,
+            name, ("tiago-left", "tiago-right"), 13,
             **_objective("worst-direction", axes=_LINEAR), **_AT_LIMITS,
         ),
     ),

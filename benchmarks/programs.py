@@ -1,8 +1,8 @@
 """The straightforward program of a case: one CasADi SX graph handed to IPOPT.
 
-minimise −objective(q) subject to closure and joint limits, the object's pose a parameter. Objectives
-with kinks get a bound that is smooth where two eigenvalues meet: G ⪯ eˢI as L Lᵀ = I − e⁻ˢG
-(S. Burer, R. D. C. Monteiro, 2003).
+Minimise −objective(q) subject to closure and joint limits, the pose of the object a parameter.
+Objectives with kinks get a bound that is smooth where two eigenvalues meet: G ⪯ eˢI as
+L Lᵀ = I − e⁻ˢG (S. Burer, R. D. C. Monteiro, 2003).
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from cases import Case
 from truth import Array
 
-from cases import Case
 from copose.capability import RESOLUTIONS, log_ball_volume, log_det
 from copose.mechanics import System, object_parameters
 from copose.poses import Pose
@@ -171,7 +171,7 @@ def _formulate(problem: Any, G: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 
 def _bound(G: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """s with G ⪯ eˢI, the variables (s, L), and what must vanish."""
+    """The bound s with G ⪯ eˢI, the variables (s, L), and what must vanish."""
     a = G.shape[0]
     s, entries = ca.SX.sym("s"), ca.SX.sym("L", a * (a + 1) // 2)
     L = ca.SX(ca.Sparsity.lower(a), entries)

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from reference import PlanarArm
 from truth import Array, Truth
+
+from reference import PlanarArm
 
 CLOSED = 1e-10
 _STEPS = 120
@@ -85,33 +86,40 @@ def project(truth: Truth, i: int, q: Array) -> tuple[Array, Array]:
     Damped least squares; joints that press against a limit stand still for the step.
     """
     kinematics = Kinematics(truth.reference.arms[truth.names[i]])
-    rows, goal = truth.reference.rows, truth.goals[i]
-    lower, upper = truth.lower[i], truth.upper[i]
-    q = np.clip(q, lower, upper)
-    eye = np.eye(len(rows))
+    ends, gaps = np.clip(q, truth.lower[i], truth.upper[i]), np.full(len(q), np.inf)
+    open_rows = np.arange(len(q))
     for step in range(_STEPS):
-        p, R, J = kinematics.at(q)
-        turn = rotation_vectors(goal.rotation @ np.swapaxes(R, 1, 2))
-        error = np.concatenate([goal.translation - p, turn], axis=1)[:, rows]
-        gap = np.linalg.norm(error, axis=1)
-        if step == _STEPS - 1 or np.all(gap < CLOSED / 100):
+        error, J = _residuals(truth, i, kinematics, ends[open_rows])
+        gaps[open_rows] = np.linalg.norm(error, axis=1)
+        left = gaps[open_rows] > CLOSED / 100
+        open_rows, error, J = open_rows[left], error[left], J[left]
+        if step == _STEPS - 1 or not len(open_rows):
             break
-        J = J[:, rows]
-        damping = np.minimum(1e-2, gap**2)[:, None, None]
-        free = np.ones(q.shape, dtype=bool)
-        for _ in range(2):
-            held = J * free[:, None, :]
-            dual = np.linalg.solve(
-                held @ np.swapaxes(held, 1, 2) + (damping + 1e-14) * eye, error[:, :, None]
-            )
-            move = (np.swapaxes(held, 1, 2) @ dual)[:, :, 0]
-            free &= ~(((q <= lower) & (move < 0)) | ((q >= upper) & (move > 0)))
-        move = move * free
-        longest = np.abs(move).max(axis=1, keepdims=True)
-        q = np.clip(
-            q + move * np.minimum(1.0, _LONGEST / np.maximum(longest, 1e-300)), lower, upper
-        )
-    return q, gap
+        ends[open_rows] = _stepped(truth, i, ends[open_rows], error, J)
+    return ends, gaps
+
+
+def _residuals(truth: Truth, i: int, kinematics: Kinematics, q: Array) -> tuple[Array, Array]:
+    """Goal minus tip, position over rotation vector in task rows, (count, m), and J."""
+    goal, rows = truth.goals[i], truth.reference.rows
+    p, R, J = kinematics.at(q)
+    turn = rotation_vectors(goal.rotation @ np.swapaxes(R, 1, 2))
+    return np.concatenate([goal.translation - p, turn], axis=1)[:, rows], J[:, rows]
+
+
+def _stepped(truth: Truth, i: int, q: Array, error: Array, J: Array) -> Array:
+    """One damped step, Jᵀ(J Jᵀ + λI)⁻¹e, of bounded length and within the limits."""
+    lower, upper = truth.lower[i], truth.upper[i]
+    damping = np.minimum(1e-2, np.sum(error**2, axis=1)) + 1e-14
+    free, move = np.ones(q.shape, dtype=bool), np.zeros_like(q)
+    for _ in range(2):
+        held = J * free[:, None, :]
+        JJ = held @ np.swapaxes(held, 1, 2) + damping[:, None, None] * np.eye(error.shape[1])
+        move = (np.swapaxes(held, 1, 2) @ np.linalg.solve(JJ, error[:, :, None]))[:, :, 0]
+        free &= ~(((q <= lower) & (move < 0)) | ((q >= upper) & (move > 0)))
+    longest = np.abs(move).max(axis=1, keepdims=True)
+    move = move * free * np.minimum(1.0, _LONGEST / np.maximum(longest, 1e-300))
+    return np.clip(q + move, lower, upper)
 
 
 def wrapped(truth: Truth, i: int, q: Array) -> Array:
@@ -146,7 +154,7 @@ def closed_starts(truth: Truth, count: int, seed: int) -> Array:
     for i in range(len(truth.names)):
         q, tries = np.empty((0, len(truth.lower[i]))), 0
         while len(q) < count and tries < 64:
-            more = closed_postures(truth, i, max(256, 2 * count), seed + 1000 * tries)
+            more = closed_postures(truth, i, max(256, count // 2), seed + 1000 * tries)
             q, tries = np.concatenate([q, more]), tries + 1
         rng = np.random.default_rng([seed, i, 7])
         arms.append(q[rng.permutation(len(q))[:count]])

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 from building import Joints, Tables
+from cases import Case
 from numpy.typing import NDArray
+
+from copose.robots import load_arms
 from reference import Problem as Reference
 from reference import pose
-
-from cases import Case
-from copose.robots import load_arms
 
 Array = NDArray[np.float64]
 
