@@ -84,7 +84,7 @@ def _local(axes: Any, results: Record) -> None:
             axes.barh(place, seconds, height=0.36, color=_colour(method), alpha=alpha)
             axes.text(seconds * 1.1, place, _time(seconds), va="center", fontsize=8)
     _bars(axes, list(times))
-    axes.set_xlabel("strong: from a closed start; pale: again after the object moved 5 mm")
+    axes.set_xlabel("strong: from a closed start; pale: the object then moved 5 mm")
 
 
 def _problems(axes: Any, results: Record) -> None:

@@ -18,12 +18,12 @@ import numpy as np
 from cases import Case, case, ring_case
 from enumerate_optima import known, same_posture
 from numpy_model import NumpyModel
+from own import Own
 from peers import PEERS
 from programs import End
 from sampling import closed_starts
 from truth import Array, Truth, truth_of
 
-import copose
 from copose.poses import Pose
 
 Record = dict[str, Any]
@@ -81,19 +81,11 @@ def _stacked(truth: Truth, joints: dict[str, Any]) -> Array:
     return np.concatenate([np.asarray(joints[name], dtype=float) for name in truth.names])
 
 
-def _planner(case: Case, effort: str) -> tuple[Any, Record]:
+def _own(case: Case, effort: str) -> tuple[Own, Record]:
     before = memory()
-    began = time.perf_counter()
-    planner = copose.Planner(case.problem, effort=effort)
-    built = time.perf_counter()
-    compiled = planner.compile()
-    facts = {
-        "build_s": built - began,
-        "compile_s": time.perf_counter() - built,
-        "compiled": bool(compiled),
-        "memory_before": before,
-    }
-    return planner, facts
+    own = Own(case, effort)
+    facts = {"build_s": own.build_s, "compile_s": own.compile_s, "compiled": own.compiled}
+    return own, facts | {"memory_before": before}
 
 
 def search(
@@ -103,13 +95,12 @@ def search(
     best = known().get(case.name)
     answers: list[Record] = []
     if method.startswith("copose"):
-        planner, facts = _planner(case, effort or case.effort)
+        own, facts = _own(case, effort or case.effort)
         for seed in within(count, seconds):
             began = time.perf_counter()
-            solution = planner.solve(seed=seed)
+            joints, spent = own.search(seed)
             wall = time.perf_counter() - began
-            joints = solution.after.joints if solution.status == "solved" else None
-            answer = {"seconds": solution.timing.search_s, "wall": wall, "ok": joints is not None}
+            answer = {"seconds": spent, "wall": wall, "ok": joints is not None}
             answers.append(answer | verdict(case, joints, best))
         return facts | {"answers": answers, "memory": memory(), "effort": effort or case.effort}
     truth = truth_of(case)
@@ -138,15 +129,19 @@ def local(case: Case, method: str, count: int, seconds: float) -> Record:
     there = NumpyModel(case)
     there.place(pose)
     first, again = [], []
-    solve = _copose_local(case) if method.startswith("copose") else _peer_local(case, method)
+    solve = _solver(case, method)
     for k in within(len(starts), seconds):
-        end, spent, wall = solve(starts[k], None, None)
+        began = time.perf_counter()
+        end, spent = solve(starts[k], None, None)
+        wall = time.perf_counter() - began
         first.append(
             {"seconds": spent, "wall": wall, "ok": end.converged}
             | verdict(case, truth.split(end.q), None)
         )
         if end.converged:
-            after, spent, wall = solve(end.q, pose, end)
+            began = time.perf_counter()
+            after, spent = solve(end.q, pose, end)
+            wall = time.perf_counter() - began
             judged = there.truth.judge(truth.split(after.q))
             again.append(
                 {"seconds": spent, "wall": wall, "ok": after.converged,
@@ -156,39 +151,20 @@ def local(case: Case, method: str, count: int, seconds: float) -> Record:
     return {"first": first, "again": again}
 
 
-_Local = Callable[[Array, Pose | None, End | None], tuple[End, float, float]]
+_Local = Callable[[Array, Pose | None, End | None], tuple[End, float]]
 
 
-def _copose_local(case: Case) -> _Local:
-    planner, _ = _planner(case, "normal")
-    truth = truth_of(case)
-
-    def solve(start: Array, pose: Pose | None, warm: End | None) -> tuple[End, float, float]:
-        given = {name: np.array(q) for name, q in truth.split(start).items()}
-        origin = warm.state["solution"] if warm is not None else given
-        began = time.perf_counter()
-        if pose is None:
-            solution = planner.solve(warm=origin)
-        else:
-            solution = planner.solve(warm=origin, object_pose=pose)
-        wall = time.perf_counter() - began
-        solved = solution.status == "solved"
-        q = _stacked(truth, solution.after.joints) if solved else start
-        end = End(q, solved, solution.reason or "", {"solution": solution})
-        return end, solution.timing.search_s, wall
-
-    return solve
-
-
-def _peer_local(case: Case, method: str) -> _Local:
+def _solver(case: Case, method: str) -> _Local:
+    """Where a local solve ends, and its seconds."""
+    if method.startswith("copose"):
+        return _own(case, "normal")[0].local_solve
     peer = PEERS[method]()
     peer.build(case)
 
-    def solve(start: Array, pose: Pose | None, warm: End | None) -> tuple[End, float, float]:
+    def solve(start: Array, pose: Pose | None, warm: End | None) -> tuple[End, float]:
         began = time.perf_counter()
         end = peer.local_solve(start, pose, warm)
-        wall = time.perf_counter() - began
-        return end, wall, wall
+        return end, time.perf_counter() - began
 
     return solve
 
@@ -207,22 +183,17 @@ def measure(case: Case, method: str, count: int, seconds: float) -> Record:
             model.closure(q)
             done += 1
         return {"per_second": done / (time.perf_counter() - began), "values": values[: len(few)]}
-    planner, facts = _planner(case, "normal")
+    own, facts = _own(case, "normal")
     many = few[np.arange(count) % len(few)]
     edges = np.cumsum([len(low) for low in truth.lower])[:-1]
     postures = dict(zip(truth.names, np.split(many, edges, axis=1), strict=True))
-    planner.measure({name: q[:64] for name, q in postures.items()})
+    values = own.measure({name: q[:64] for name, q in postures.items()})
     rates = []
-    measured = None
     for _ in within(20, seconds / 2):
         began = time.perf_counter()
-        measured = planner.measure(postures)
+        own.measure(postures)
         rates.append(count / (time.perf_counter() - began))
-    assert measured is not None
-    return facts | {
-        "per_second": float(np.median(rates)),
-        "values": np.asarray(measured.objective)[: len(few)].tolist(),
-    }
+    return facts | {"per_second": float(np.median(rates)), "values": values.tolist()}
 
 
 _JOBS: dict[str, Callable[..., Record]] = {"search": search, "local": local, "measure": measure}

@@ -55,7 +55,7 @@ QUICKLY = Amount(
     local_problems=(MAIN,),
     measured=20_000,
     arms=(1, 2, 4),
-    arms_seeds=1,
+    arms_seeds=3,
     effort_problems=(),
     effort_seeds=0,
 )

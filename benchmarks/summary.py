@@ -130,13 +130,14 @@ def local_times(record: Record) -> tuple[float, float] | None:
 
 
 def slope(results: Record, method: str = "copose") -> tuple[list[int], list[float], float | None]:
-    """Numbers of arms, median search seconds, and the log–log slope over 2 … 8 arms."""
+    """Numbers of arms, median seconds of true answers, and the log–log slope over 2 … 8 arms."""
     arms, seconds = [], []
     for count, methods in sorted(results["arms"].items(), key=lambda item: int(item[0])):
         answers = methods.get(method, {}).get("answers", {})
-        if answers:
+        true = true_at(answers, _TRUE) if answers else np.zeros(0, dtype=bool)
+        if true.any():
             arms.append(int(count))
-            seconds.append(float(np.median(_numbers(answers, "seconds"))))
+            seconds.append(float(np.median(_numbers(answers, "seconds")[true])))
     several = [(k, s) for k, s in zip(arms, seconds, strict=True) if k >= 2]
     if len(several) < 2:
         return arms, seconds, None

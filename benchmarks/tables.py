@@ -73,8 +73,8 @@ A *hit* is an answer within {HIT:g} of the best known objective (`known_optima.j
 enumeration) whose closure and limits hold to 1e-6 by Pinocchio. *Time to the optimum* is the mean
 time of a run over the hit rate. A run of copose is one global search after building, its own
 projections included; a run of a peer is one local solve from a random posture that is closed
-already: *with closing the starts* adds what that took. Best read as ratios: all times are of this
-run.
+already: *with closing the starts* adds what that took. The standard error of such a time is about
+its 1/√hits. Best read as ratios: all times are of this run.
 
 ![Results](results.png)
 """

@@ -153,7 +153,10 @@ def test_hits_times_and_tables_of_a_run() -> None:
         "local": {"two-panda-box": {"copose": local, "slsqp": local}},
         "measure": {"two-panda-box": {"copose": {"per_second": 300.0},
                                       "numpy": {"per_second": 10.0}}},
-        "arms": {str(k): {"copose": {"answers": {"seconds": [k**2.0]}}} for k in (1, 2, 4)},
+        "arms": {
+            str(k): {"copose": {"answers": summary.columns([row | {"seconds": k**2.0}])}}
+            for k in (1, 2, 4)
+        },
         "effort": {"two-panda-box": {"copose@low": {"error": "stopped"}}},
         "machine": {"cores": "2"}, "quick": True, "skipped": ["Drake"], "seconds": 60,
     }  # fmt: skip
