@@ -50,7 +50,7 @@ class Case:
 
 
 _SHIPPED = {
-    "baxter-box": "two arms of one robot, rigid grasps",
+    "baxter-box": "two arms of one robot, rigid grasps, the best posture at two limits",
     "fast-fine": "planar arms on hinges; fast along one direction, fine along another",
     "panda-carry": "volume of the linear slice",
     "panda-worst": "worst of six mixed directions: two semi-axes meet",
@@ -58,7 +58,7 @@ _SHIPPED = {
     "paper-fig3": "planar arms on hinges",
     "paper-fig4": "three planar arms on hinges",
     "push-x": "planar arms on hinges, one direction",
-    "two-panda-box": "two 7-joint arms, the best posture at several joint limits",
+    "two-panda-box": "two 7-joint arms: dozens of local optima",
     "two-planar-4r": "planar, rigid grasps, joint margin",
     "xarm-bar": "torque-optimal at the torque limits, wide joints",
 }
@@ -147,7 +147,7 @@ _BUILT: dict[str, tuple[str, str, Callable[[str], _Made]]] = {
         lambda name: building.ring(name, "panda", _PANDA_POSTURE, 4),
     ),
     "panda-balls": (
-        "ball contacts: four free dimensions an arm",
+        "ball contacts: four free dimensions an arm, the best posture at four limits",
         "high",
         lambda name: building.cell(name, ("panda", "panda"), 14, space="spatial-linear"),
     ),

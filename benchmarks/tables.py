@@ -100,11 +100,14 @@ def _main(results: Record) -> str:
             [LABELS[method], str(f.runs), share(f.success[1] * f.runs, f.runs),
              share(f.hits, f.runs), duration(f.seconds), duration(f.expected),
              duration(f.expected_with_closing) if f.closing else "", build,
-             f"{record['memory']:.0f} MB"]
+             f"{record['memory']:.0f} MB, +{record['memory'] - record['memory_before']:.0f}"]
         )  # fmt: skip
     head = ["method", "runs", "true answers", "hits", "a run, median", "time to the optimum",
             "with closing the starts", "building", "peak memory"]  # fmt: skip
-    note = "Building: graphs and functions, + kernels by the C compiler into an empty cache.\n"
+    note = (
+        "Building: graphs and functions, + waiting for kernels of the C compiler. Memory: of the\n"
+        "whole process, + since what it imports and its starts are there.\n"
+    )
     return f"## {MAIN}\n\n" + table(head, rows) + "\n" + note if rows else ""
 
 
