@@ -60,7 +60,7 @@ QUICKLY = Amount(
     effort_seeds=0,
 )
 FULLY = Amount(
-    main={"copose": (100, 300.0), "copose-vm": (100, 120.0), "peer": (3000, 120.0)},
+    main={"copose": (100, 300.0), "copose-vm": (100, 120.0), "peer": (2000, 120.0)},
     other={"copose": (100, 90.0), "copose-vm": (10, 20.0), "peer": (60, 3.0)},
     local=100,
     local_problems=(MAIN, "xarm7-pair", "ur5-pair"),

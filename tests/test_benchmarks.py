@@ -140,8 +140,13 @@ def test_hits_times_and_tables_of_a_run() -> None:
     row = {"seconds": 0.5, "wall": 0.5, "ok": True, "closure": 1e-9, "beyond": 0.0, "same": True}
     answers = [row | {"objective": best}, row | {"objective": best - 1e-3, "same": False}]
     answers += [row | {"objective": best, "closure": 1e-3}, row | {"objective": None, "ok": False}]
-    record = {"answers": summary.columns(answers), "build_s": 0.1, "memory": 100.0, "memory_before": 90.0,
-              "effort": "normal"}  # fmt: skip
+    record = {
+        "answers": summary.columns(answers),
+        "build_s": 0.1,
+        "memory": 100.0,
+        "memory_before": 90.0,
+        "effort": "normal",
+    }
     found = summary.found("two-panda-box", record)
     assert found is not None
     assert (found.runs, found.hits, found.same) == (4, 1, 1)
