@@ -66,7 +66,7 @@ def _head(results: Record) -> str:
     skipped = f" Skipped: {', '.join(results['skipped'])}." if results["skipped"] else ""
     return f"""# Benchmark results
 
-{kind} run of `benchmarks/run.py`, {results["seconds"] / 60:.0f} min, one measurement at a time.
+{kind} run of `benchmarks/run.py`, {duration(results["seconds"])}, one measurement at a time.
 {machine}.{skipped}
 
 A *hit* is an answer within {HIT:g} of the best known objective (`known_optima.json`, found by
@@ -150,6 +150,8 @@ def _copose(results: Record) -> str:
         f"- `{name}`: {case(name).what}\n" for name in NAMES if name in results["search"]
     )
     note = "Gap: of the best answer below the best known objective; negative where it is better.\n"
+    if not rows:
+        return ""
     return "## copose on every problem\n\n" + table(head, rows) + "\n" + note + "\n" + about
 
 
@@ -200,12 +202,17 @@ def _effort(results: Record) -> str:
     return "## Effort, that is samples\n\n" + table(head, rows) if rows else ""
 
 
-def _errors(results: Record) -> str:
-    lines = [
+def failures(results: Record) -> list[str]:
+    """What was measured by which method, and why it failed."""
+    return [
         f"- {group}, {key}, {method}: {record['error']}"
         for group in ("search", "local", "measure", "arms", "effort")
         for key, methods in results[group].items()
         for method, record in methods.items()
         if "error" in record
     ]
+
+
+def _errors(results: Record) -> str:
+    lines = failures(results)
     return "## Jobs that failed\n\n" + "\n".join(lines) + "\n" if lines else ""
