@@ -27,7 +27,8 @@ class Own:
         """Build, and wait for the compiler."""
         self._truth = truth_of(case)
         began = time.perf_counter()
-        self._planner = copose.Planner(case.problem, effort=effort)
+        self._planner = copose.Planner(case.problem)
+        self._effort = effort
         self.build_s = time.perf_counter() - began
         began = time.perf_counter()
         self.compiled = bool(self._planner.compile())
@@ -35,7 +36,7 @@ class Own:
 
     def search(self, seed: int) -> tuple[dict[str, Any] | None, float]:
         """A global search: joints by arm, None where it is not solved, and its seconds."""
-        solution = self._planner.solve(seed=seed)
+        solution = self._planner.solve(seed=seed, effort=self._effort)
         joints = solution.after.joints if solution.status == "solved" else None
         return joints, solution.timing.search_s
 
@@ -45,8 +46,11 @@ class Own:
         """A local solve from stacked joints or from an earlier end, and its seconds."""
         given = {name: np.array(q) for name, q in self._truth.split(start).items()}
         origin = given if warm is None else warm.state["solution"]
-        moved = {} if object_pose is None else {"object_pose": object_pose}
-        solution = self._planner.solve(warm=origin, **moved)
+        place = None
+        if object_pose is not None:
+            size = len(self._planner.problem.object.position)
+            place = {"position": object_pose.position[:size].tolist()}
+        solution = self._planner.solve(warm=origin, object_pose=place)
         if solution.status != "solved":
             return End(start, False, solution.reason or ""), solution.timing.search_s
         q = np.concatenate([solution.after.joints[name] for name in self._truth.names])

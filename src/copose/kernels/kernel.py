@@ -26,9 +26,16 @@ class Kernel:
         """The kernel of an expression y, (ny,), of symbols x, (nx,), and p, (np,)."""
         self._function = ca.Function("kernel", [x, p], [ca.densify(ca.vec(y))])
         self._nx, self._np, self._ny = x.numel(), p.numel(), y.numel()
-        self._one, self._many = _Buffered(self._function, 1), _Buffered(self._function, _BLOCK)
         self._evaluate: Callable[..., None] | None = None
         self._refused = False
+
+    @functools.cached_property
+    def _one(self) -> _Buffered:
+        return _Buffered(self._function, 1)
+
+    @functools.cached_property
+    def _many(self) -> _Buffered:
+        return _Buffered(self._function, _BLOCK)
 
     @functools.cached_property
     def key(self) -> str:

@@ -17,6 +17,8 @@ from copose.kernels import Kernel
 from copose.mechanics import ArmMechanics, Coupling, Goal, System
 from copose.poses import Array
 
+# Of closing, at a time: from a Newton step along a self-motion they close the chain.
+CLOSING_STEPS = 3
 _LONGEST_STEP = 0.7
 
 
@@ -25,8 +27,8 @@ class ArmKernels:
     """Kernels of joint positions q, (n,), in the order of rows of a batch.
 
     Attributes:
-        closing: of (q, lower, upper) and a goal: q after one step of closing, and the norm of the
-            residual before it, (n + 1,).
+        closing: of (q, lower, upper) and a goal: q after `CLOSING_STEPS` steps of closing, and the
+            norm of the residual there, (n + 1,).
         closure: of q and a goal: residual, (m,), and its derivative row by row, (m·n,).
         gap: of q and a goal: position error, (3,), and quaternion of the angle error, (4,).
         terms: of q and a coupling: what the arm adds to the sums that G is made of, the upper
@@ -59,11 +61,16 @@ class ArmKernels:
         terms = ca.vertcat(*(upper_triangle(part) for part in parts))
         weights = ca.SX.sym("weights", terms.numel())
         slope = ca.gradient(ca.dot(weights, terms), q)
-        step = ca.vertcat(_closing_step(q, lower, upper, residual, J), ca.norm_2(residual))
+        limits = ca.vertcat(lower, upper)
+        look = ca.Function("residual", [q, place], [residual, J])
+        end = q
+        for _ in range(CLOSING_STEPS):
+            end = _closing_step(end, lower, upper, *look(end, place))
+        closed = ca.vertcat(end, ca.norm_2(look(end, place)[0]))
         return cls(
             m=m,
             n=n,
-            closing=Kernel(ca.vertcat(q, lower, upper), place, step),
+            closing=Kernel(ca.vertcat(q, limits), place, closed),
             closure=Kernel(q, place, ca.vertcat(residual, ca.vec(J.T))),
             gap=Kernel(q, place, ca.vertcat(*arm.pose_error(goal))),
             terms=Kernel(q, tied, terms),

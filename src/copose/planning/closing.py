@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from copose.planning.arm_kernels import ArmKernels
+from copose.planning.arm_kernels import CLOSING_STEPS, ArmKernels
 from copose.poses import Array
 
 CLOSED = 1e-9
@@ -33,7 +33,7 @@ def project(
         goal: of the tip, see `Placement`, (7,) or one for each posture.
         lower: joint limits, −inf where there is none, (n,) or one for each posture.
         upper: alike.
-        steps: at most.
+        steps: at most, in whole `CLOSING_STEPS`.
         closed: a residual that needs no further step.
 
     Returns:
@@ -43,15 +43,12 @@ def project(
     rows = np.empty((len(q), 3 * n))
     rows[:, n : 2 * n], rows[:, 2 * n :] = lower, upper
     rows[:, :n] = np.minimum(np.maximum(q, lower), upper)
-    gaps = np.full(len(q), np.inf)
-    active = np.arange(len(q))
-    for left in range(steps, -1, -1):
-        goals = goal[active] if goal.ndim == 2 else goal
-        stepped = kernels.closing(rows[active], goals)
-        gaps[active] = stepped[:, n]
-        going = stepped[:, n] > closed
-        active = active[going]
-        if left == 0 or len(active) == 0:
+    ends = kernels.closing(rows, goal)
+    gaps = ends[:, n]
+    for _ in range(1, -(-steps // CLOSING_STEPS)):
+        active = np.flatnonzero(gaps > closed)
+        if len(active) == 0:
             break
-        rows[active, :n] = stepped[going, :n]
-    return rows[:, :n], gaps
+        rows[active, :n] = ends[active, :n]
+        ends[active] = kernels.closing(rows[active], goal[active] if goal.ndim == 2 else goal)
+    return ends[:, :n], gaps

@@ -37,7 +37,7 @@ class Loops:
         self._free = np.full(kernels.n, np.inf)
         self.points = self._tangents = np.zeros((0, kernels.n))
         self._paces = np.zeros(0)
-        self._loops = np.zeros(0, dtype=np.intp)
+        self._loops = self._met = np.zeros(0, dtype=np.intp)
 
     @property
     def count(self) -> int:
@@ -50,15 +50,21 @@ class Loops:
         return np.asarray(ends[(gaps < _CLOSED) & np.isfinite(ends).all(axis=1)])
 
     def add(self, q: Array) -> bool:
-        """Follow closed postures, (count, n), that are on no known loop; whether there are any."""
-        q = q[self._beside(q) < 0]
-        if len(q) == 0:
-            return False
-        if self._spare:
-            self._follow(self._spread(q))
-        else:
-            self._keep_apart(q)
-        return True
+        """Follow closed postures, (count, n), that are on no known loop.
+
+        Returns:
+            Whether there may be more: while no loop has been met just once, random postures hardly
+            miss one (I. J. Good, 1953).
+        """
+        new = q[self._beside(q) < 0]
+        if len(new) and self._spare:
+            self._follow(self._spread(new))
+        elif len(new):
+            self._keep_apart(new)
+        beside = self._beside(q)
+        self._met = np.concatenate([self._met, beside[beside >= 0]])
+        met = np.unique(self._loops[self._met], return_counts=True)[1]
+        return len(met) == 0 or bool(met.min() == 1)
 
     def _spread(self, q: Array) -> Array:
         """Those of the postures that keep a distance: the others add nothing to a loop."""
@@ -127,7 +133,7 @@ class Loops:
             if len(rows) == 0:
                 break
             far = pace[rows] * shrink[rows]
-            ends, gaps = self._project(front[rows] + far[:, None] * heading[rows], 4, _CLOSED)
+            ends, gaps = self._project(front[rows] + far[:, None] * heading[rows], 3, _CLOSED)
             moved = ends - front[rows]
             length = np.sqrt((moved**2).sum(axis=1))
             straight = (moved * heading[rows]).sum(axis=1) > 0.8 * length

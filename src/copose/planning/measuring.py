@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from copose.capability import RESOLUTIONS, Ellipsoid, zero_torque_acceleration
+from copose.kernels import Kernel
 from copose.planning.cell import Cell
 from copose.poses import Array
 from copose.results import ArmRecord, EllipsoidRecord, Posture, matrix, place, vector
@@ -55,10 +56,11 @@ class Meter:
     def __init__(self, cell: Cell) -> None:
         """Build the functions that evaluate a posture."""
         system = cell.system
+        place = system.object.parameters
         self._arms = [
-            ca.Function(
-                "arm",
-                [arm.q, system.object.parameters],
+            _Parts(
+                arm.q,
+                place,
                 [
                     *system.pose_error(i),
                     arm.J,
@@ -69,13 +71,13 @@ class Meter:
             for i, (arm, scale) in enumerate(zip(system.arms, cell.scales, strict=True))
         ]
         gravity, velocity = ca.SX.sym("gravity", 3), ca.SX.sym("velocity", system.space.m)
-        self._system = ca.Function(
-            "system",
-            [system.q, system.object.parameters, gravity, velocity],
-            [
-                zero_torque_acceleration(system, gravity, velocity),
-                *(kind.factor(system, cell.scales) for kind in RESOLUTIONS.values()),
-            ],
+        self._factors = _Parts(
+            system.q, place, [kind.factor(system, cell.scales) for kind in RESOLUTIONS.values()]
+        )
+        self._center = _Parts(
+            system.q,
+            ca.vertcat(place, gravity, velocity),
+            [zero_torque_acceleration(system, gravity, velocity)],
         )
 
     def measure(self, cell: Cell, joints: Sequence[Array]) -> Measurement:
@@ -85,11 +87,12 @@ class Meter:
             cell: with the object where it is.
             joints: positions by arm, (n_i,) each.
         """
-        m, rows = cell.system.space.m, list(cell.system.space.linear)
+        m, rows, pose = (
+            cell.system.space.m, list(cell.system.space.linear), cell.problem.object.pose,
+        )  # fmt: skip
         errors, records, notes = {}, {}, []
         for arm, function, q in zip(cell.arms, self._arms, joints, strict=True):
-            numbers = [np.array(value) for value in function(q, cell.parameters)]
-            gap, turn, J, own, skeleton = numbers
+            gap, turn, J, own, skeleton = function(q, cell.parameters)
             error = closure_errors(gap[rows].T, turn.T, cell.system.space.rigid)
             errors[arm.name] = float(error[0])
             rank = _rank(J)
@@ -100,7 +103,7 @@ class Meter:
             single = _ellipsoid(own) if rank == m else None
             records[arm.name] = ArmRecord(
                 skeleton=matrix(skeleton.T),
-                grasp=vector((cell.problem.object.pose @ arm.grasp).position),
+                grasp=vector((pose @ arm.grasp).position),
                 ellipsoid=EllipsoidRecord.of(single),
             )
         ellipsoids: dict[str, Ellipsoid | None] = dict.fromkeys(RESOLUTIONS)
@@ -122,7 +125,7 @@ class Meter:
         ellipsoid = ellipsoids[cell.resolution.name]
         posture = Posture(
             joints={arm.name: vector(q) for arm, q in zip(cell.arms, joints, strict=True)},
-            object=place(cell.problem.object.pose, cell.problem.space.planar),
+            object=place(pose, cell.problem.space.planar),
             closure_error=errors,
             ellipsoid=EllipsoidRecord.of(ellipsoid),
             log_volumes={
@@ -135,14 +138,14 @@ class Meter:
 
     def _ellipsoids(self, cell: Cell, joints: Sequence[Array]) -> dict[str, Ellipsoid | None]:
         """The system's ellipsoid by each resolution, in all coordinates of the task."""
-        center, *factors = (
-            np.array(value)
-            for value in self._system(
-                np.concatenate(joints), cell.parameters, cell.gravity, cell.velocity
-            )
-        )
+        q = np.concatenate(joints)
+        factors = self._factors(q, cell.parameters)
+        center = np.zeros(cell.system.space.m)
+        if np.any(cell.gravity) or np.any(cell.velocity):
+            moving = np.concatenate([cell.parameters, cell.gravity, cell.velocity])
+            center = self._center(q, moving)[0].ravel()
         return {
-            name: _ellipsoid(factor, center.ravel())
+            name: _ellipsoid(factor, center)
             for name, factor in zip(RESOLUTIONS, factors, strict=True)
         }
 
@@ -152,6 +155,20 @@ def _sliced(cell: Cell, ellipsoid: Ellipsoid | None) -> Ellipsoid | None:
     if ellipsoid is None or axes == tuple(range(cell.system.space.m)):
         return ellipsoid
     return ellipsoid.sliced(axes)
+
+
+class _Parts:
+    """Several expressions of a posture, (n,), and of parameters, as numbers."""
+
+    def __init__(self, q: ca.SX, parameters: ca.SX, parts: Sequence[ca.SX]) -> None:
+        self._shapes = [part.shape for part in parts]
+        self._edges = np.cumsum([part.numel() for part in parts])[:-1]
+        together = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
+        self._kernel = Kernel(q, parameters, together)
+
+    def __call__(self, q: Array, parameters: Array) -> list[Array]:
+        values = np.split(self._kernel(q[None], parameters)[0], self._edges)
+        return [x.reshape(shape, order="F") for x, shape in zip(values, self._shapes, strict=True)]
 
 
 def closure_errors(gap: Array, turn: Array, rigid: bool) -> Array:

@@ -113,7 +113,7 @@ class Planner:
             progress=progress if progress is not None else _silent,
         )
         if warm is not None:
-            solution = run.follow(cell.given(_posture(warm)))
+            solution = run.follow(warm, cell.given(_posture(warm)))
             if solution is not None:
                 return solution
         return run.search(effort, verify)
@@ -241,26 +241,31 @@ class _Run:
             timing=self.timing,
         )
 
-    def follow(self, joints: Sequence[Array]) -> Solution | None:
+    def follow(
+        self, warm: Solution | Mapping[str, Sequence[float]], joints: Sequence[Array]
+    ) -> Solution | None:
         """The local optimum that a posture leads to; None where it cannot be closed."""
         closed = [self._closed(i, q) for i, q in enumerate(joints)]
         q = [mine for mine in closed if mine is not None]
         if len(q) < len(closed):
             return None
         found = local_search(self.machinery, self.setting, np.concatenate(q), self.progress)
-        before = self.machinery.meter.measure(self.cell, q)
-        after, value = self._best(found, before)
+        after, value = self._best(found, None)
         if after is None:
             return None
-        return answer(
+        solution = answer(
             self.cell,
             self.machinery.objective,
             status="solved",
-            before=before,
+            before=None
+            if isinstance(warm, Solution)
+            else self.machinery.meter.measure(self.cell, q),
             after=after,
             search=self._record(found, "local", value),
             timing=self.timing,
         )
+        # What was measured once, where the object was then, is the posture before.
+        return solution.following(warm) if isinstance(warm, Solution) else solution
 
     def _closed(self, i: int, q: Array) -> Array | None:
         """Joints of arm i as they are where they hold the object, else projected, or None."""
@@ -294,7 +299,9 @@ class _Run:
         measured = self.machinery.meter.measure(self.cell, joints)
         return measured, (*notes, *margin_notes(self.cell, joints))
 
-    def _best(self, found: Found, before: Measurement) -> tuple[Measurement | None, float | None]:
+    def _best(
+        self, found: Found, before: Measurement | None
+    ) -> tuple[Measurement | None, float | None]:
         """The best optimum that passes its own check, or the start where none is better."""
         cell, value = self.cell, self.machinery.objective.of
         best = None
@@ -310,7 +317,7 @@ class _Run:
             ):
                 best = measured
                 break
-        if before.ellipsoid is not None and self._allowed(before):
+        if before is not None and before.ellipsoid is not None and self._allowed(before):
             start = value(before.ellipsoid)
             if best is None or best.ellipsoid is None or start > value(best.ellipsoid):
                 best = before if best is not None else None

@@ -78,7 +78,7 @@ class Crew:
     def terms(self, q: Array) -> Array:
         """What the arms add to the sums, (count, k, s), at q, (count, k, n)."""
         count, k, n = q.shape
-        ties = np.tile(self.ties, (count, 1))
+        ties = self.ties if count == 1 else np.tile(self.ties, (count, 1))
         return self.kernels.terms(q.reshape(-1, n), ties).reshape(count, k, -1)
 
     def local(self, q: Array, weights: Array) -> tuple[Array, Array, Array]:
@@ -92,10 +92,9 @@ class Crew:
         m, s = self.kernels.m, weights.shape[1]
         x = np.empty((count, k, d, n + s))
         x[..., :n], x[..., n:] = q, weights[:, None, None]
-        ties = np.hstack([self.goals, self.ties])
-        given = np.broadcast_to(ties[:, None], (count, k, d, ties.shape[1])).reshape(
-            -1, ties.shape[1]
-        )
+        given = np.hstack([self.goals, self.ties])
+        if count * d > 1:
+            given = np.tile(np.repeat(given, d, axis=0), (count, 1))
         values = self.kernels.local(x.reshape(-1, n + s), given)
         J = values[:, s : s + m * n].reshape(-1, m, n)
         return values[:, :s], J, values[:, s + m * n :]
@@ -259,13 +258,13 @@ class Polisher:
             basis = tangent.basis.reshape(count, k, d, n)
             beside = point.q[j][:, :, None] + _DIFFERENCE * basis
             terms, J, slope = crew.local(beside, point.weights)
-            J = J.reshape(-1, d, crew.kernels.m, n)
-            bend = slope.reshape(-1, d, n) - tangent.slope[:, None]
+            J = J.reshape(count * k, d, crew.kernels.m, n)
+            bend = slope.reshape(count * k, d, n) - tangent.slope[:, None]
             bend -= (tangent.forces[:, None, None] @ (J - tangent.J[:, None]))[:, :, 0]
             curvature = bend @ tangent.basis.transpose(0, 2, 1) / _DIFFERENCE
             blocks += list(curvature.reshape(count, k, d, d).swapaxes(0, 1))
-            change = terms.reshape(count, k, d, -1) - point.terms[j][:, :, None]
-            changes.append(change.reshape(count, k * d, -1) / _DIFFERENCE)
+            change = terms.reshape(count, k, d, point.sums.shape[1]) - point.terms[j][:, :, None]
+            changes.append(change.reshape(count, k * d, point.sums.shape[1]) / _DIFFERENCE)
         change = np.concatenate(changes, axis=1)
         free = change.shape[1]
         if free == 0:
@@ -280,13 +279,17 @@ class Polisher:
             H[:, first:last, first:last] += block
             first = last
         gradient = np.concatenate(
-            [(t.basis @ t.slope[:, :, None]).reshape(count, -1) for t in tangents], axis=1
+            [
+                (t.basis @ t.slope[:, :, None]).reshape(count, t.basis.shape[1] * len(c.columns))
+                for c, t in zip(self.crews, tangents, strict=True)
+            ],
+            axis=1,
         )
         step = _ascent(H, gradient)
         direction, first = [], 0
         for crew, tangent in zip(self.crews, tangents, strict=True):
             k, (d, n) = len(crew.columns), tangent.basis.shape[1:]
-            part = step[:, first : first + k * d].reshape(-1, 1, d)
+            part = step[:, first : first + k * d].reshape(count * k, 1, d)
             direction.append((part @ tangent.basis).reshape(count, k, n))
             first += k * d
         return direction

@@ -68,7 +68,7 @@ class Effort:
 
 
 EFFORTS = {
-    "low": Effort(batch=32, batches=4, loops=120, surfaces=150, starts=32, polished=8, rounds=0),
+    "low": Effort(batch=64, batches=4, loops=120, surfaces=150, starts=32, polished=8, rounds=0),
     "normal": Effort(
         batch=64, batches=8, loops=240, surfaces=300, starts=96, polished=24, rounds=2
     ),

@@ -20,6 +20,7 @@ from copose.poses import Array, Indices
 from copose.robots import finite_range
 
 _NEIGHBOURS = 3
+_SAME = 1e-6
 # Postures drawn before an arm is said to miss its grasp, and misses kept.
 _INSISTENCE = 4096
 _MISSES = 32
@@ -54,7 +55,7 @@ class ArmSampler:
     goal: Array
 
     def sample(self, rng: np.random.Generator, batch: int, batches: int, most: int) -> ArmSample:
-        """Draw batches of postures until one of them meets no new self-motion, or all are drawn.
+        """Draw batches of postures until they have met every self-motion, to all appearance.
 
         Args:
             rng: draws the postures.
@@ -70,19 +71,21 @@ class ArmSampler:
             tried += batch
             q = loops.closed(self._draw(rng, batch))
             if simple:
-                new = loops.add(q)
+                more = loops.add(q)
             else:
                 points = np.vstack([points, self._kept(q)])
-                new = len(points) < most
+                more = len(points) < most
             if len(first) == 0:
-                first = self._kept(q)[:1]
-            if not new:
+                first = self._kept(q, 0.0)[:1]
+            if not more:
                 break
         if simple:
             points = self._kept(loops.points, 2 * loops.spacing)
         start = self.cell.arms[self.i].start
         if start is not None:
             points = np.vstack([self._kept(start[None]), points])
+        if len(first):
+            points = points[(np.abs(points - first) > _SAME).any(axis=1)]
         points = np.vstack([first, _thinned(points, most)])
         missed = points[:0]
         if len(points) == 0:

@@ -20,12 +20,12 @@ Matrix: TypeAlias = tuple[Vector, ...]
 
 def vector(values: Array) -> Vector:
     """An array as a tuple of floats."""
-    return tuple(float(value) for value in values)
+    return tuple(np.asarray(values, dtype=float).tolist())
 
 
 def matrix(values: Array) -> Matrix:
     """An array of two dimensions as a tuple of rows."""
-    return tuple(vector(row) for row in values)
+    return tuple(map(tuple, np.asarray(values, dtype=float).tolist()))
 
 
 class Record(BaseModel):
@@ -252,6 +252,11 @@ class Solution(Record):
     search: SearchRecord | None
     timing: Timing
     unlimited: dict[str, tuple[str, ...]]
+
+    def following(self, previous: Solution) -> Solution:
+        """The same with the posture that another result ended in as the posture before."""
+        objective = self.objective.model_copy(update={"before": previous.objective.after})
+        return self.model_copy(update={"before": previous.after, "objective": objective})
 
     @model_validator(mode="after")
     def _fits_together(self) -> Solution:

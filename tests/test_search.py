@@ -1,0 +1,281 @@
+"""The global search: everything that closes is sampled, the best is found, the evidence is true."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import copose
+from cells import closed_postures, planar, random_cell, tables, two_pandas
+from copose.planning.cell import Cell
+from copose.planning.closing import CLOSED, project
+from copose.planning.machinery import Machinery
+from copose.planning.self_motion import ArmSampler
+from copose.problem import parse
+from reference import Problem as Truth
+
+
+def machinery_of(cell: dict) -> tuple:
+    machinery = Machinery(Cell.of(parse(cell)))
+    return machinery, machinery.setting(machinery.cell)
+
+
+def sampled(cell: dict, i: int, seed: int = 0) -> tuple:
+    machinery, setting = machinery_of(cell)
+    sampler = ArmSampler(machinery.cell, machinery.arms[i], i, setting.placement.goals[i])
+    return machinery.cell, sampler.sample(np.random.default_rng(seed), 128, 8, 1000)
+
+
+def nearest(cell: Cell, i: int, points: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Distance of postures to the nearest of some points, whole turns aside."""
+    offset = cell.nearest_turn(i, q[:, None] - points[None])
+    return np.linalg.norm(offset, axis=2).min(axis=1)
+
+
+LOOPS = [
+    two_pandas(),
+    planar(2, 4, "planar"),
+    tables("baxter-box"),
+    tables("xarm-bar"),
+    random_cell(("pr2-left", "pr2-right"), "spatial", seed=1),
+]
+
+
+@pytest.mark.parametrize("cell", LOOPS, ids=lambda cell: cell["name"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_every_posture_that_closes_is_near_a_sample(cell: dict, seed: int) -> None:
+    """Random postures projected within limits, by another path, against the self-motions."""
+    for i in range(2):
+        ready, sample = sampled(cell, i, seed)
+        closed = sample.closed
+        assert np.all(closed >= ready.lower[i]) and np.all(closed <= ready.upper[i])
+        random = closed_postures(ready, i, 1500, seed=7)
+        assert len(random) > 50
+        assert nearest(ready, i, closed, random).max() < 0.2
+        # Evenly: no point has a crowd around it.
+        assert len(closed) < 400
+
+
+def test_six_joint_arms_have_isolated_postures_and_all_are_found() -> None:
+    cell = random_cell(("ur5", "ur5"), "spatial", seed=0)
+    for i in range(2):
+        ready, sample = sampled(cell, i)
+        random = closed_postures(ready, i, 3000, seed=5)
+        assert nearest(ready, i, sample.closed, random).max() < 1e-6
+        gaps = [nearest(ready, i, np.delete(sample.closed, k, axis=0), row[None])[0]
+                for k, row in enumerate(sample.closed[1:], 1)]  # fmt: skip
+        assert min(gaps) > 1e-3
+        assert sample.branches is not None and sample.branches >= len(sample.closed) - 1
+
+
+def test_a_piece_of_a_loop_that_limits_leave_is_found() -> None:
+    """Limits that leave 0.03 rad of a self-motion: next to no random posture ends there."""
+    cell = planar(1, 4, "planar")
+    _, sample = sampled(cell, 0)
+    q = sample.closed[len(sample.closed) // 2]
+    cell["arms"][0]["position_limits"] = [[x - 0.015, x + 0.015] for x in q]
+    for seed in range(5):
+        _, piece = sampled(cell, 0, seed)
+        assert len(piece.closed) > 0
+
+
+@pytest.mark.parametrize(
+    ("cell", "objective"),
+    [
+        (two_pandas(), "volume"),
+        (two_pandas("spatial-linear"), "volume"),
+        (tables("xarm-bar"), "volume"),
+        (tables("panda-carry"), None),
+        (planar(3, 4, "planar"), "volume"),
+        (random_cell(("panda", "ur5", "kinova"), "spatial-linear", seed=1), "volume"),
+    ],
+    ids=lambda value: value if not isinstance(value, dict) else value["name"],
+)
+def test_every_local_optimum_is_one_of_the_posture_program(cell: dict, objective) -> None:
+    """Optimality conditions of IPOPT's program, with multipliers computed here."""
+    machinery, setting = machinery_of(cell)
+    lower, upper = setting.bounds
+    rng = np.random.default_rng(0)
+    starts = np.hstack([
+        rng.permutation(sampled(cell, i)[1].closed)[:12] for i in range(len(machinery.arms))
+    ])  # fmt: skip
+    ends = machinery.polisher(setting).polish(starts)
+    assert ends.converged.mean() > 0.9
+    program = machinery.program
+    x, p = program.expressions["x"], program.expressions["p"]
+    f, g = program.expressions["f"], program.expressions["g"]
+    conditions = ca.Function("conditions", [x, p], [ca.gradient(f, x), g, ca.jacobian(g, x)])
+    numbers = np.concatenate([machinery.cell.parameters, machinery.objective.numbers])
+    for q in ends.q[ends.converged][:8]:
+        slope, closure, J = (np.array(value) for value in conditions(q, numbers))
+        assert np.abs(closure).max() < 1e-10
+        assert np.all(q >= lower) and np.all(q <= upper)
+        free = (q > lower) & (q < upper)
+        force = np.linalg.lstsq(J[:, free].T, -slope[free], rcond=None)[0]
+        left = slope + J.T @ force
+        scale = max(1.0, np.abs(force).mean() / 100)
+        assert np.abs(left[free]).max() < 2e-9 * scale
+        # The cost must not fall inwards from a limit.
+        assert np.all(left[q <= lower] > -1e-8 * scale) and np.all(left[q >= upper] < 1e-8 * scale)
+        # And no closed posture beside it is better.
+        best = machinery.objectives(setting, q[None])[0]
+        beside = [
+            project(kernels, part + rng.normal(scale=2e-3, size=(40, len(part))), goal, low, high)
+            for kernels, part, goal, low, high in zip(
+                machinery.arms, machinery.cell.system.split(q), setting.placement.goals,
+                setting.lower, setting.upper, strict=True,
+            )
+        ]  # fmt: skip
+        closed = np.all([gap < CLOSED for _, gap in beside], axis=0)
+        assert closed.sum() > 20
+        others = np.hstack([ends_ for ends_, _ in beside])[closed]
+        assert machinery.objectives(setting, others).max() < best + 1e-9
+
+
+@pytest.mark.parametrize(
+    "cell",
+    [
+        two_pandas(), tables("xarm-bar"), tables("paper-fig4"), tables("panda-worst"),
+        random_cell(("ur5", "ur5"), "spatial", seed=0),
+        random_cell(("panda", "panda", "panda", "panda"), "spatial", seed=1),
+    ],
+    ids=lambda cell: cell["name"],
+)  # fmt: skip
+def test_seeds_agree_to_the_joint(cell: dict) -> None:
+    planner = copose.Planner(parse(cell))
+    answers = [planner.solve(seed=seed) for seed in range(4)]
+    values = [answer.objective.after for answer in answers]
+    assert max(values) - min(values) < 1e-6
+    for name, q in answers[0].after.joints.items():
+        for answer in answers[1:]:
+            turned = [math.remainder(a - b, 2 * math.pi) for a, b in
+                      zip(q, answer.after.joints[name], strict=True)]  # fmt: skip
+            assert np.abs(turned).max() < 1e-4
+
+
+def test_high_effort_finds_the_best_of_arms_with_more_to_spare() -> None:
+    planner = copose.Planner(parse(planar(2, 5, "planar")))
+    high = [planner.solve(seed=seed, effort="high").objective.after for seed in range(3)]
+    low = [planner.solve(seed=seed, effort="low").objective.after for seed in range(3)]
+    assert max(high) - min(high) < 1e-6 and max(low) <= max(high) + 1e-9
+
+
+def test_the_evidence_is_what_happened() -> None:
+    solution = copose.solve(parse(two_pandas()))
+    search = solution.search
+    assert search.seed == 0 and search.effort == "normal" and search.failures == ()
+    counts = [sample.closed for sample in search.samples.values()]
+    assert search.combinations == counts[0] * counts[1]
+    assert search.gap == solution.objective.after - search.best_sample
+    assert 0 <= search.gap < 0.02
+    assert sum(optimum.count for optimum in search.local_optima) == search.starts
+    values = [optimum.objective for optimum in search.local_optima]
+    assert values == sorted(values, reverse=True)
+    assert values[0] == pytest.approx(solution.objective.after, abs=1e-9)
+
+
+def test_verification_says_whether_the_answer_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+    planner = copose.Planner(parse(tables("paper-fig2")))
+    solution = planner.solve(verify=True)
+    again = solution.search.verification
+    assert again.stands and again.seed != 0
+    assert again.objective == pytest.approx(solution.objective.after, abs=1e-8)
+    # A first search that sees nothing but the worst of what it polishes.
+    from copose.planning import planner as module
+
+    honest = module.search
+
+    def blind(machinery, setting, seed, effort, progress):
+        found = honest(machinery, setting, seed, effort, progress)
+        if seed == 0:
+            object.__setattr__(found, "optima", found.optima[-1:])
+        return found
+
+    monkeypatch.setattr(module, "search", blind)
+    mended = planner.solve(verify=True)
+    assert not mended.search.verification.stands
+    assert mended.objective.after == pytest.approx(solution.objective.after, abs=1e-8)
+    assert any("missed this posture" in note for note in mended.notes)
+
+
+def test_a_moved_object_is_followed() -> None:
+    cell = two_pandas()
+    planner = copose.Planner(parse(cell))
+    first = planner.solve()
+    place = {"position": [0.503, 0.004, 0.5]}
+    followed = planner.solve(object_pose=place, warm=first)
+    cell["object"]["position"] = place["position"]
+    truth = Truth(cell, {name: list(j) for name, j in followed.joint_names.items()})
+    assert max(truth.at(followed.after.joints).closure.values()) < 1e-8
+    factor, _ = truth.ellipsoid(followed.after.joints)
+    radii = 1 / np.linalg.svd(factor, compute_uv=False)[::-1]
+    assert np.allclose(followed.after.ellipsoid.radii, radii, rtol=1e-8)
+    assert followed.before == first.after and followed.search.effort == "local"
+    assert followed.objective.before == first.objective.after
+    searched = copose.solve(parse(cell))
+    assert followed.objective.after == pytest.approx(searched.objective.after, abs=1e-6)
+    assert planner.solve(object_pose=place).objective.after == searched.objective.after
+    by_joints = planner.solve(object_pose=place, warm=first.after.joints)
+    assert by_joints.after == followed.after and max(by_joints.before.closure_error.values()) < 1e-8
+
+
+def test_where_nothing_can_be_followed_all_is_searched() -> None:
+    cell = planar(2, 4, "planar")
+    planner = copose.Planner(parse(cell))
+    straight = {arm["name"]: [0.0] * 4 for arm in cell["arms"]}
+    for name in straight:
+        straight[name][0] = 3.0
+    solution = planner.solve(warm=straight, object_pose={"position": [0.0, 0.2], "angle": 0.1})
+    assert solution.status == "solved"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "key"),
+    [
+        ({"object_pose": {"position": [0.0, 0.1, 0.0]}}, "object_pose.position"),
+        ({"object_pose": {"rpy": [0, 0, 0]}}, "object_pose.rpy"),
+        ({"object_pose": {"angle": math.nan}}, "object_pose.angle"),
+        ({"warm": {"a1": [0.0] * 4}}, "joints.a2"),
+        ({"warm": {"b": [0.0] * 4}}, "joints"),
+        ({"effort": "huge"}, "effort"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments: dict, key: str) -> None:
+    planner = copose.Planner(parse(planar(2, 4, "planar")))
+    with pytest.raises(copose.InputError) as caught:
+        planner.solve(**arguments)
+    assert caught.value.key == key
+
+
+@pytest.mark.parametrize("name", ["two-panda-box", "xarm-bar", "panda-carry", "push-x"])
+def test_measure_is_the_meter_of_many(name: str) -> None:
+    planner = copose.Planner(parse(tables(name)))
+    ready = Cell.of(parse(tables(name)))
+    postures = {arm.name: closed_postures(ready, i)[:20] for i, arm in enumerate(ready.arms)}
+    measures = planner.measure(postures)
+    truth = Truth(tables(name), {arm.name: list(arm.joint_names) for arm in ready.arms})
+    for k in range(20):
+        joints = {name: q[k] for name, q in postures.items()}
+        factor, _ = truth.ellipsoid(joints)
+        gram = factor.T @ factor
+        assert np.allclose(measures.gram[k], gram, rtol=0, atol=1e-8 * np.abs(gram).max())
+        one = copose.evaluate(parse(tables(name)), {key: list(q) for key, q in joints.items()})
+        assert measures.objective[k] == pytest.approx(one.objective.after, rel=1e-8, abs=1e-8)
+        for arm, error in truth.at(joints).closure.items():
+            assert measures.closure_error[arm][k] == pytest.approx(error, abs=1e-8)
+
+
+def test_measure_says_what_is_open_and_what_is_singular() -> None:
+    cell = planar(2, 4, "planar")
+    planner = copose.Planner(parse(cell))
+    straight = {arm["name"]: np.zeros((3, 4)) for arm in cell["arms"]}
+    measures = planner.measure(straight)
+    assert np.all(measures.closure_error["a1"] > 0.1)
+    assert not np.isfinite(measures.objective).any()
+    for wrong in ({"a1": np.zeros((3, 4))}, {"a1": np.zeros((2, 4)), "a2": np.zeros((3, 4))},
+                  straight | {"a3": np.zeros((3, 4))}, straight | {"a1": np.zeros(4)}):  # fmt: skip
+        with pytest.raises(copose.InputError):
+            planner.measure(wrong)
