@@ -44,17 +44,16 @@ class Own:
         self, start: Array, object_pose: Pose | None = None, warm: End | None = None
     ) -> tuple[End, float]:
         """A local solve from stacked joints or from an earlier end, and its seconds."""
-        given = {name: np.array(q) for name, q in self._truth.split(start).items()}
-        origin = given if warm is None else warm.state["solution"]
+        begin = start if warm is None else warm.q
         place = None
         if object_pose is not None:
             size = len(self._planner.problem.object.position)
             place = {"position": object_pose.position[:size].tolist()}
-        solution = self._planner.solve(warm=origin, object_pose=place)
-        if solution.status != "solved":
-            return End(start, False, solution.reason or ""), solution.timing.search_s
-        q = np.concatenate([solution.after.joints[name] for name in self._truth.names])
-        return End(q, True, "", {"solution": solution}), solution.timing.search_s
+        began = time.perf_counter()
+        end = self._planner.polish(self._truth.split(begin), object_pose=place)
+        spent = time.perf_counter() - began
+        q = np.concatenate([end.joints[name] for name in self._truth.names])
+        return End(q, end.converged, ""), spent
 
     def measure(self, postures: dict[str, Array]) -> Array:
         """Objectives of many postures, (count,)."""

@@ -74,9 +74,13 @@ class PlainIpoptLimitedMemory(_PlainIpopt):
 
 
 class Slsqp(Peer):
-    """scipy's SLSQP on numpy and Pinocchio, analytic constraint Jacobian, differenced cost."""
+    """scipy's SLSQP on numpy and Pinocchio: analytic constraint Jacobian, differenced cost.
 
-    name = "scipy SLSQP + Pinocchio"
+    Whoever knows that the arms meet in a sum differences one arm at a time.
+    """
+
+    name = "SLSQP + Pinocchio, differenced arm by arm"
+    by_arm: ClassVar[bool] = True
 
     def build(self, case: Case) -> None:
         """Read the robots."""
@@ -102,7 +106,7 @@ class Slsqp(Peer):
             answer = scipy.optimize.minimize(
                 model.cost,
                 start if warm is None else warm.q,
-                jac=lambda q: model.cost_and_gradient(q)[1],
+                jac=(lambda q: model.cost_and_gradient(q)[1]) if self.by_arm else "2-point",
                 bounds=scipy.optimize.Bounds(model.lower, model.upper),
                 constraints={
                     "type": "eq",
@@ -116,6 +120,12 @@ class Slsqp(Peer):
             return End(np.array(start), False, str(error))
         q = np.clip(answer.x, model.lower, model.upper)
         return End(q, bool(answer.success), str(answer.message))
+
+
+class PlainSlsqp(Slsqp):
+    """The same with the cost differenced by scipy, over all joints."""
+
+    name, by_arm = "SLSQP + Pinocchio", False
 
 
 class _Drake(Peer):
@@ -212,7 +222,8 @@ class DrakeSnopt(_Drake):
 PEERS: dict[str, type[Peer]] = {
     "ipopt-exact": PlainIpoptExact,
     "ipopt-lbfgs": PlainIpoptLimitedMemory,
-    "slsqp": Slsqp,
+    "slsqp": PlainSlsqp,
+    "slsqp-by-arm": Slsqp,
     "drake-ipopt": DrakeIpopt,
     "drake-snopt": DrakeSnopt,
 }

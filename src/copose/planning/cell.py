@@ -8,6 +8,7 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from copose.capability import RESOLUTIONS, Resolution
 from copose.errors import InputError, nearest
@@ -101,7 +102,7 @@ class Cell:
                            np.where(down_excess <= above, down, q))  # fmt: skip
         return np.where(self._revolute[i] & ((below > 0) | (above > 0)), shifted, q)
 
-    def given(self, joints: Mapping[str, Sequence[float]]) -> list[Array]:
+    def given(self, joints: Mapping[str, ArrayLike]) -> list[Array]:
         """Joint positions by name as arrays in the order of the arms, (n_i,) each.
 
         Raises:

@@ -39,6 +39,23 @@ _STANDS = 1e-6
 _NUDGES = 8
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class LocalEnd:
+    """Where a local solve ended.
+
+    Attributes:
+        joints: rad or m, by arm.
+        objective: there.
+        optimality: scaled error of the optimality conditions, as IPOPT measures it.
+        converged: whether that meets IPOPT's tolerance, 1e-9, with every chain closed.
+    """
+
+    joints: dict[str, Array]
+    objective: float
+    optimality: float
+    converged: bool
+
+
 class Planner:
     """Solves one problem any number of times; everything is built once.
 
@@ -59,6 +76,7 @@ class Planner:
         began = time.perf_counter()
         self.problem = problem
         self._machinery = Machinery(Cell.of(problem))
+        self._nominal = self._machinery.setting(self._machinery.cell)
         self.build_s = time.perf_counter() - began
 
     def compile(self) -> bool:
@@ -103,20 +121,62 @@ class Planner:
         began = time.perf_counter()
         machinery = self._machinery
         machinery.compiled()
-        cell = machinery.cell if object_pose is None else machinery.cell.moved(object_pose)
+        setting = self._setting(object_pose)
         run = _Run(
             machinery=machinery,
-            setting=machinery.setting(cell),
+            setting=setting,
             seed=self.problem.search.seed if seed is None else seed,
             build_s=self.build_s,
             began=began,
             progress=progress if progress is not None else _silent,
         )
         if warm is not None:
-            solution = run.follow(warm, cell.given(_posture(warm)))
+            solution = run.follow(warm, setting.cell.given(_posture(warm)))
             if solution is not None:
                 return solution
         return run.search(effort, verify)
+
+    def polish(
+        self,
+        joints: Mapping[str, ArrayLike],
+        *,
+        object_pose: Mapping[str, object] | None = None,
+    ) -> LocalEnd:
+        """The local optimum that a posture leads to, and nothing but it: for tight loops.
+
+        Args:
+            joints: a posture to start from, by arm; it is closed first.
+            object_pose: as for `solve`.
+
+        Raises:
+            InputError: the joints do not fit the arms.
+        """
+        machinery = self._machinery
+        machinery.compiled()
+        setting = self._setting(object_pose)
+        cell = setting.cell
+        q, gaps = [], []
+        for i, start in enumerate(cell.given(joints)):
+            end, gap = project(
+                machinery.arms[i], start[None], setting.placement.goals[i],
+                setting.lower[i], setting.upper[i],
+            )  # fmt: skip
+            q.append(end)
+            gaps.append(gap[0])
+        polished = machinery.polisher(setting).polish(np.hstack(q))
+        parts = cell.system.split(polished.q[0])
+        return LocalEnd(
+            joints={arm.name: cell.folded(i, q) for (i, arm), q in
+                    zip(enumerate(cell.arms), parts, strict=True)},
+            objective=float(machinery.objectives(setting, polished.q)[0]),
+            optimality=float(polished.error[0]),
+            converged=bool(polished.converged[0] and max(gaps) <= CLOSED and machinery.smooth),
+        )  # fmt: skip
+
+    def _setting(self, object_pose: Mapping[str, object] | None) -> Setting:
+        if object_pose is None:
+            return self._nominal
+        return self._machinery.setting(self._machinery.cell.moved(object_pose))
 
     def measure(
         self,
@@ -135,8 +195,8 @@ class Planner:
         """
         machinery = self._machinery
         machinery.compiled()
-        cell = machinery.cell if object_pose is None else machinery.cell.moved(object_pose)
-        arrays = []
+        setting = self._setting(object_pose)
+        cell, arrays = setting.cell, []
         for arm in cell.arms:
             q = np.asarray(postures.get(arm.name, ()), dtype=float)
             if q.ndim != 2 or q.shape[1] != arm.n:
@@ -152,7 +212,7 @@ class Planner:
                 raise InputError(f"no arm is called {name!r}{nearest(name, names)}", key="postures")
         if len({len(q) for q in arrays}) > 1:
             raise InputError("the arms have different numbers of postures", key="postures")
-        return machinery.measures(machinery.setting(cell), arrays)
+        return machinery.measures(setting, arrays)
 
 
 def solve(

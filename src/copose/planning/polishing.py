@@ -167,33 +167,41 @@ class Polisher:
 
     def polish(self, q: Array) -> Polished:
         """Climb from closed postures, (count, N), to local maxima."""
-        ends, values = q.copy(), np.full(len(q), -np.inf)
-        errors = np.full(len(q), np.inf)
+        found = Polished(q.copy(), np.full(len(q), -np.inf), np.full(len(q), np.inf))
+
+        def settle(some: Mask, error: Array) -> None:
+            for crew, part in zip(self.crews, point.q, strict=True):
+                found.q[rows[some][:, None, None], crew.columns] = part[some]
+            found.value[rows[some]], found.error[rows[some]] = point.value[some], error[some]
+
         parts = [q[:, crew.columns] for crew in self.crews]
         stopped = [crew.stopped(part) for crew, part in zip(self.crews, parts, strict=True)]
         point = self._point(parts, stopped)
         sound = np.isfinite(point.value)
         rows, point = np.flatnonzero(sound), point.taken(sound)
-        for _ in range(_ITERATIONS):
+        for left in range(_ITERATIONS, -1, -1):
             if len(rows) == 0:
                 break
             tangents = [self._tangent(j, point) for j in range(len(self.crews))]
             error = self._error(tangents, len(rows))
-            for crew, part in zip(self.crews, point.q, strict=True):
-                ends[rows[:, None, None], crew.columns] = part
-            values[rows], errors[rows] = point.value, error
-            going = error > TOLERANCE
-            if not going.any():
-                break
-            if not going.all():
-                rows, point = rows[going], point.taken(going)
+            done = (error <= TOLERANCE) | (left == 0)
+            if done.any():
+                settle(done, error)
+                going = ~done
+                rows, point, error = rows[going], point.taken(going), error[going]
+                if len(rows) == 0:
+                    break
                 tangents = [
                     tangent.taken(np.repeat(going, len(crew.columns)))
                     for crew, tangent in zip(self.crews, tangents, strict=True)
                 ]
-            point, moved = self._advance(point, *self._feasible_direction(point, tangents))
-            rows, point = rows[moved], point.taken(moved)
-        return Polished(ends, values, errors)
+            ahead, moved = self._advance(point, *self._feasible_direction(point, tangents))
+            if moved.all():
+                point = ahead
+            else:
+                settle(~moved, error)
+                rows, point = rows[moved], ahead.taken(moved)
+        return found
 
     def _point(self, q: list[Array], held: list[Mask]) -> _Point:
         terms = [crew.terms(mine) for crew, mine in zip(self.crews, q, strict=True)]
@@ -203,12 +211,13 @@ class Polisher:
 
     def _tangent(self, j: int, point: _Point) -> Tangent:
         """The tangent spaces of a crew, with joints let go that gain by leaving their limits."""
-        crew, q = self.crews[j], point.q[j]
-        n = q.shape[2]
+        crew, q, held = self.crews[j], point.q[j], point.held[j]
         _, J, slope = crew.local(q[:, :, None], point.weights)
+        if not held.any():
+            return Tangent.of(J, slope, held.reshape(slope.shape))
         above, below = q >= crew.upper, q <= crew.lower
-        held = (point.held[j] & (above | below)).reshape(-1, n)
-        outward = (above.astype(float) - below).reshape(-1, n)
+        outward = (above.astype(float) - below).reshape(slope.shape)
+        held = (held & (above | below)).reshape(slope.shape)
         return Tangent.of(J, slope, held).released(outward)
 
     def _error(self, tangents: list[Tangent], count: int) -> Array:
@@ -217,16 +226,16 @@ class Polisher:
         The largest entry of ∇f + Jᵀλ − z with least-squares multipliers, over
         max(100, mean |λ|, |z|)/100 (A. Wächter, L. T. Biegler, 2006, eq. 5).
         """
-        largest, total, entries = np.zeros(count), np.zeros(count), 0
+        largest, total, entries = 0.0, 0.0, 0
         for tangent in tangents:
             left = np.abs(tangent.left)
             rest = np.where(tangent.held, 0.0, left).reshape(count, -1)
             largest = np.maximum(largest, rest.max(axis=1))
-            stopped = left.reshape(count, -1).sum(axis=1) - rest.sum(axis=1)
+            total = total + left.reshape(count, -1).sum(axis=1) - rest.sum(axis=1)
             forces = np.abs(tangent.forces).reshape(count, -1)
-            total += stopped + forces.sum(axis=1)
+            total += forces.sum(axis=1)
             entries += rest.shape[1] + forces.shape[1]
-        return largest / np.maximum(1.0, total / entries / _SCALE)
+        return np.asarray(largest / np.maximum(1.0, total / entries / _SCALE))
 
     def _feasible_direction(
         self, point: _Point, tangents: list[Tangent]
@@ -314,49 +323,48 @@ class Polisher:
             reach = np.minimum(reach, part.min(axis=(1, 2)))
             gain += (tangents[j].slope.reshape(step.shape) * step).sum(axis=(1, 2))
             held.append(tangents[j].held.reshape(step.shape))
-        moved = np.zeros(count, dtype=bool)
-        ahead: _Point | None = None
-        trying = np.arange(count)
+        noise = _NOISE * (1 + np.abs(point.value))
+        closed, ahead = self._retracted(point.q, direction, reach, held)
+        moved = closed & (ahead.value >= point.value + 1e-4 * reach * gain - noise)
+        trying = np.flatnonzero(~moved)
         for _ in range(_HALVINGS):
-            closed, trial = self._retracted(point, direction, reach, held, trying)
-            wanted = 1e-4 * reach[trying] * gain[trying]
-            noise = _NOISE * (1 + np.abs(point.value[trying]))
-            good = closed & (trial.value >= point.value[trying] + wanted - noise)
-            if ahead is None:
-                ahead = trial
-            else:
-                ahead.put(trying[good], trial, good)
-            moved[trying[good]] = True
-            trying = trying[~good]
             if len(trying) == 0:
                 break
             reach[trying] /= 2
-        assert ahead is not None
+            closed, trial = self._retracted(
+                [q[trying] for q in point.q], [step[trying] for step in direction], reach[trying],
+                [each[trying] for each in held],
+            )  # fmt: skip
+            wanted = (point.value + 1e-4 * reach * gain - noise)[trying]
+            good = closed & (trial.value >= wanted)
+            ahead.put(trying[good], trial, good)
+            moved[trying[good]] = True
+            trying = trying[~good]
         return ahead, moved
 
     def _retracted(
-        self, point: _Point, direction: list[Array], reach: Array, held: list[Mask], rows: Indices
+        self, q: list[Array], direction: list[Array], reach: Array, held: list[Mask]
     ) -> tuple[Mask, _Point]:
         """Postures after a step, closed again, with held joints where they are."""
         ends, stops = [], []
-        closed = np.ones(len(rows), dtype=bool)
+        closed = np.ones(len(reach), dtype=bool)
         for j, crew in enumerate(self.crews):
-            there = point.q[j][rows]
+            there, stop = q[j], held[j]
             shape, n = there.shape, there.shape[2]
-            guess = there + reach[rows, None, None] * direction[j][rows]
-            guess = np.where(guess < crew.lower + _AT_LIMIT, crew.lower, guess)
-            guess = np.where(guess > crew.upper - _AT_LIMIT, crew.upper, guess)
-            # What a step of full reach brings to its limit stays there.
-            stop = held[j][rows] | (crew.stopped(guess) & ~crew.stopped(there))
+            guess = there + reach[:, None, None] * direction[j]
+            low, high = guess < crew.lower + _AT_LIMIT, guess > crew.upper - _AT_LIMIT
+            if low.any() or high.any():
+                guess = np.where(low, crew.lower, np.where(high, crew.upper, guess))
+                # What a step of full reach brings to its limit stays there.
+                stop = stop | ((low | high) & ~crew.stopped(there))
+            lower, upper = np.broadcast_arrays(crew.lower, crew.upper, guess)[:2]
+            if stop.any():
+                lower, upper = np.where(stop, guess, lower), np.where(stop, guess, upper)
+            goals = crew.goals if len(reach) == 1 else np.tile(crew.goals, (len(reach), 1))
             end, gap = project(
-                crew.kernels,
-                guess.reshape(-1, n),
-                np.tile(crew.goals, (len(rows), 1)),
-                np.where(stop, guess, crew.lower).reshape(-1, n),
-                np.where(stop, guess, crew.upper).reshape(-1, n),
-                steps=12,
-                closed=_CLOSED_WELL,
-            )
+                crew.kernels, guess.reshape(-1, n), goals, lower.reshape(-1, n),
+                upper.reshape(-1, n), steps=12, closed=_CLOSED_WELL,
+            )  # fmt: skip
             closed &= (gap < CLOSED).reshape(shape[:2]).all(axis=1)
             ends.append(end.reshape(shape))
             stops.append(stop | crew.stopped(ends[-1]))

@@ -35,13 +35,13 @@ class Tangent:
     @classmethod
     def of(cls, J: Array, slope: Array, held: Mask) -> Tangent:
         """From the singular values of J with the columns of held joints taken out."""
-        any_held = bool(held.any())
+        any_held = held.any()
         U, s, V = np.linalg.svd(np.where(held[:, None], 0.0, J) if any_held else J)
         k = s.shape[1]
         inverse = np.zeros_like(s)
         np.divide(1.0, s, out=inverse, where=s > _RANK * s[:, :1])
         along = (V[:, :k] @ slope[:, :, None])[:, :, 0] * inverse
-        forces = (U[:, :, :k] @ along[:, :, None])[:, :, 0]
+        forces = (along[:, None] @ U[:, :, :k].swapaxes(1, 2))[:, 0]
         left = slope - (forces[:, None] @ J)[:, 0]
         basis = _free_part(V[:, k:], held) if any_held else V[:, k:]
         return cls(J, slope, held, basis, forces, left)
