@@ -70,10 +70,10 @@ class Effort:
 EFFORTS = {
     "low": Effort(batch=64, batches=4, loops=120, surfaces=150, starts=32, polished=8, rounds=0),
     "normal": Effort(
-        batch=64, batches=8, loops=240, surfaces=300, starts=96, polished=24, rounds=2
+        batch=96, batches=8, loops=240, surfaces=300, starts=96, polished=24, rounds=2
     ),
     "high": Effort(
-        batch=128, batches=16, loops=480, surfaces=1200, starts=384, polished=160, rounds=6
+        batch=256, batches=16, loops=480, surfaces=1200, starts=384, polished=160, rounds=6
     ),
 }
 
@@ -146,7 +146,7 @@ def search(
         # was polished for another sum before: so what is polished is combined anew.
         postures = polished.postures()
         for i, kernels in enumerate(machinery.arms):
-            if kernels.n - kernels.m > 1 and K > 1:
+            if K > 1 and kernels.n > kernels.m:
                 found = polished.responses(i, samples[i].closed, effort.polished)
                 postures[i] = np.vstack([postures[i], found])
         near = [np.zeros((len(mine), 0), dtype=np.intp) for mine in postures]

@@ -47,7 +47,14 @@ class ArmSample:
 
 @dataclass(frozen=True, eq=False)
 class ArmSampler:
-    """Samples the self-motions of arm i of a cell."""
+    """Samples the self-motions of arm i of a cell.
+
+    Attributes:
+        cell: with the object where it is.
+        kernels: of the arm.
+        i: its number.
+        goal: of its tip, see `Placement`.
+    """
 
     cell: Cell
     kernels: ArmKernels
