@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import casadi as ca
@@ -69,6 +70,21 @@ def test_kernels_of_an_arm_are_the_same_bits(resolution: str, home: Path) -> Non
     for kernel, expected in zip(kernels.all, before, strict=True):
         again = kernel(*points(kernel, kernel._nx, kernel._np))
         assert np.array_equal(again, expected, equal_nan=True)
+
+
+@needs_compiler
+def test_the_answer_does_not_wait_and_one_process_compiles(home: Path) -> None:
+    kernel = small()
+    assert not build([kernel]) and not kernel.compiled
+    building = list(home.glob(".building-*"))
+    again = small()
+    build([again])
+    assert list(home.glob(".building-*")) in (building, [])
+    for _ in range(300):
+        if kernel.load():
+            break
+        time.sleep(0.1)
+    assert kernel.compiled and not list(home.glob(".building-*"))
 
 
 @needs_compiler
@@ -183,7 +199,7 @@ def run(environment: dict) -> subprocess.Popen:
     code = RUN.format(tests=str(Path(__file__).parent))
     return subprocess.Popen(
         [sys.executable, "-c", code],
-        env={**os.environ, **environment},
+        env={**os.environ, "COPOSE_COMPILE": "1", **environment},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -191,13 +207,16 @@ def run(environment: dict) -> subprocess.Popen:
 
 
 @needs_compiler
-def test_two_processes_at_once_and_one_after_them_answer_alike(tmp_path: Path) -> None:
+def test_two_processes_at_once_and_one_after_them_answer_alike(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Cold twice at once, warm, forbidden, without a folder: the same result, bit for bit."""
     environment = {"XDG_CACHE_HOME": str(tmp_path)}
     both = [run(environment), run(environment)]
     said = [process.communicate() for process in both]
-    ready = parse(planar(2, 4, "planar"))
-    assert build_here(ready, tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("COPOSE_COMPILE", "1")
+    assert copose.Planner(parse(planar(2, 4, "planar"))).compile()
     later = [
         run(environment),
         run({**environment, "COPOSE_COMPILE": "0"}),
@@ -208,15 +227,3 @@ def test_two_processes_at_once_and_one_after_them_answer_alike(tmp_path: Path) -
     kernels, answers = zip(*(out.splitlines() for out, _ in said), strict=True)
     assert kernels[2:] == ("compiled", "virtual machine", "virtual machine")
     assert len(set(answers)) == 1
-
-
-def build_here(problem: copose.Problem, folder: Path) -> bool:
-    before = os.environ.get("XDG_CACHE_HOME")
-    os.environ["XDG_CACHE_HOME"] = str(folder)
-    try:
-        return copose.Planner(problem).compile()
-    finally:
-        if before is None:
-            del os.environ["XDG_CACHE_HOME"]
-        else:
-            os.environ["XDG_CACHE_HOME"] = before

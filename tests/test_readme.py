@@ -53,7 +53,9 @@ def test_the_first_command_prints_and_draws_what_is_shown(here: Path) -> None:
 
     def lasting(text: str) -> list[str]:
         lines = [line.rstrip() for line in text.splitlines()]
-        return [line for line in lines if "built in" not in line and "closure" not in line]
+        # How many postures a search samples may differ by one from processor to processor.
+        passing = ("built in", "closure error", "closed postures")
+        return [line for line in lines if not any(words in line for words in passing)]
 
     assert lasting(printed) == lasting(blocks("text")[0])
     shown = imread(ROOT / re.search(r"!\[.*\]\((.*)\)", README).group(1))
@@ -88,9 +90,9 @@ def test_the_problem_file_solves() -> None:
     assert copose.solve(copose.parse(tomllib.loads(text))).status == "solved"
 
 
-def test_the_python_block_runs(here: Path, capsys) -> None:
-    (text,) = blocks("python")
-    exec(compile(text, "README.md", "exec"), {})
+def test_the_python_blocks_run(here: Path, capsys) -> None:
+    for text in blocks("python"):
+        exec(compile(text, "README.md", "exec"), {})
     assert "2.727" in capsys.readouterr().out and (here / "before_after.svg").exists()
 
 

@@ -21,6 +21,7 @@ from pathlib import Path
 from copose.kernels.source import FLAGS
 
 _PATIENCE = 120.0
+_BUILDING = ".building-"
 # Files of compilations that never ended, s.
 _STALE = 3600.0
 
@@ -92,11 +93,16 @@ def fill(sources: Mapping[str, str], *, wait: bool) -> None:
     place, command = folder(), compiler()
     if place is None or command is None or not sources:
         return
+    _sweep(place)
     try:
-        scratch = Path(tempfile.mkdtemp(dir=place, prefix=".building-"))
+        if wait:
+            scratch = Path(tempfile.mkdtemp(dir=place, prefix=_BUILDING))
+        else:
+            # Of many processes that start at once one sets the compiler to work.
+            scratch = place / f"{_BUILDING}{next(iter(sources))}"
+            scratch.mkdir(mode=0o700)
     except OSError:
         return
-    _sweep(place)
     lines = ["umask 077"]
     for key, source in sources.items():
         (scratch / f"{key}.c").write_text(source, encoding="utf-8")
@@ -120,7 +126,7 @@ def fill(sources: Mapping[str, str], *, wait: bool) -> None:
 
 def _sweep(place: Path) -> None:
     """Remove what compilations that were killed have left behind."""
-    for left in place.glob(".building-*"):
+    for left in place.glob(f"{_BUILDING}*"):
         with contextlib.suppress(OSError):
             if time.time() - left.stat().st_mtime > _STALE:
                 shutil.rmtree(left, ignore_errors=True)
