@@ -27,6 +27,9 @@ _TIE = 1e-8
 # Ends that did not converge matter where they come near the best.
 _NEAR_BEST = 1e-2
 _KINKED = 10
+# Degrees of freedom to spare, of all arms, up to which the full number of starts is polished; and
+# the number that is polished however many there are.
+_PLAIN, _FEWEST = 8, 4
 # Starts that are polished at a time, and how many times the largest gain so far the next may hope
 # for.
 _AT_ONCE, _HOPE = 8, 10.0
@@ -136,7 +139,10 @@ def search(
     postures = [sample.closed for sample in samples]
     near = [sample.neighbours for sample in samples]
     screened = _screened(machinery, setting, postures, near, rng, effort.starts)
-    starts, scores = _distinct(cell, postures, screened, effort.polished)
+    # A step in many dimensions takes many evaluations.
+    spare = sum(max(0, kernels.n - kernels.m) for kernels in machinery.arms)
+    most = max(_FEWEST, int(effort.polished * min(1.0, _PLAIN / max(spare, 1))))
+    starts, scores = _distinct(cell, postures, screened, most)
     polished = _Polishing(machinery, setting, progress)
     polished.add_promising(starts, scores)
     combinations = screened.combinations
@@ -147,12 +153,12 @@ def search(
         postures = polished.postures()
         for i, kernels in enumerate(machinery.arms):
             if K > 1 and kernels.n > kernels.m:
-                found = polished.responses(i, samples[i].closed, effort.polished)
+                found = polished.responses(i, samples[i].closed, most)
                 postures[i] = np.vstack([postures[i], found])
         near = [np.zeros((len(mine), 0), dtype=np.intp) for mine in postures]
         screened = _screened(machinery, setting, postures, near, rng, effort.starts)
         combinations += screened.combinations
-        again, _ = _distinct(cell, postures, screened, effort.polished // 2)
+        again, _ = _distinct(cell, postures, screened, max(1, most // 2))
         before = polished.best
         polished.add(polished.unknown(again))
         if not polished.best > before + _SAME_OBJECTIVE:
@@ -286,7 +292,11 @@ class _Polishing:
         values = machinery.objectives(setting, ends.q)
         for q, value in zip(ends.q[solved], values[solved], strict=True):
             self.ends.append(LocalOptimum(q, float(value), 1))
-        for k, q in enumerate(_left(setting.cell, ends, solved, machinery.smooth)):
+        left = _left(setting.cell, ends, solved, machinery.smooth)
+        if machinery.smooth:
+            stalled = int((~solved).sum()) - len(left)
+            self.failures += [LocalSolve(starts[0], False, "Stalled_Far_Below_Best", {})] * stalled
+        for k, q in enumerate(left):
             self._progress("polishing", 0.7 + 0.3 * k / len(starts))
             end = machinery.program.solve(q, setting.cell.parameters, *setting.bounds)
             value = float(machinery.objectives(setting, end.q[None])[0])
