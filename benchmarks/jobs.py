@@ -77,13 +77,16 @@ def verdict(case: Case, joints: dict[str, Any] | None, best: Record | None) -> R
         q = _stacked(truth, joints)
         targets = [best["joints"], *best["equal"]]
         same = any(same_posture(truth, q, _stacked(truth, each)) for each in targets)
-    value = judged.objective if np.isfinite(judged.objective) else None
     return {
-        "objective": value,
-        "closure": judged.closure,
-        "beyond": max(judged.beyond, 0.0),
+        "objective": _finite(judged.objective),
+        "closure": _finite(judged.closure),
+        "beyond": _finite(max(judged.beyond, 0.0)),
         "same": same,
     }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def _stacked(truth: Truth, joints: dict[str, Any]) -> Array:
@@ -153,8 +156,8 @@ def local(case: Case, method: str, count: int, seconds: float) -> Record:
             judged = there.truth.judge(truth.split(after.q))
             again.append(
                 {"seconds": spent, "wall": wall, "ok": after.converged,
-                 "objective": judged.objective, "closure": judged.closure,
-                 "beyond": max(judged.beyond, 0.0)}
+                 "objective": _finite(judged.objective), "closure": _finite(judged.closure),
+                 "beyond": _finite(max(judged.beyond, 0.0))}
             )  # fmt: skip
     return {"first": first, "again": again}
 

@@ -113,16 +113,17 @@ class Loops:
     def _follow(self, seeds: Array) -> None:
         """Points along the self-motions through closed postures, both ways until they meet."""
         _, J = self._kernels.residual(seeds, self._goal)
-        tangents = np.linalg.svd(J)[2][:, -1]
+        tangents = np.linalg.qr(J.swapaxes(1, 2), mode="complete")[0][:, :, -1]
         count, n = seeds.shape
         front = np.repeat(seeds, 2, axis=0)
         heading = np.stack([tangents, -tangents], axis=1).reshape(-1, n)
+        places = self._cell.embedded(self._i, front)
         pace, shrink = self._pace(front), np.ones(2 * count)
         loops = np.repeat(np.arange(count) + len(self.points), 2)
         found = [(seeds, tangents, pace[::2], np.arange(0, 2 * count, 2))]
         going = np.ones(2 * count, dtype=bool)
         for step in range(_LONGEST):
-            found.append(self._meet(front, heading, pace * shrink, going, loops))
+            found.append(self._meet(front, places, heading, pace * shrink, going, loops))
             if step > 0:
                 beside = self._beside(front[going])
                 for row, point in zip(np.flatnonzero(going), beside, strict=True):
@@ -142,6 +143,7 @@ class Loops:
             going[rows[shrink[rows] < _SHORTEST]] = False
             onward, moved = rows[good], moved[good]
             front[onward] = ends[good]
+            places[onward] = self._cell.embedded(self._i, ends[good])
             heading[onward] = moved / length[good, None]
             pace[onward] = self._pace(front[onward])
             found.append((front[onward], heading[onward], far[good], onward))
@@ -150,7 +152,13 @@ class Loops:
         self._remember(points, headings, paces, loops[rows])
 
     def _meet(
-        self, front: Array, heading: Array, pace: Array, going: Mask, loops: Indices
+        self,
+        front: Array,
+        places: Array,
+        heading: Array,
+        pace: Array,
+        going: Mask,
+        loops: Indices,
     ) -> tuple[Array, Array, Array, Indices]:
         """Stop the fronts that are about to meet, and join their loops.
 
@@ -158,14 +166,16 @@ class Loops:
             Points half way between those fronts, the direction there, the distance to either front,
             and one of them.
         """
-        places = self._cell.embedded(self._i, front)
+        rows = np.flatnonzero(going)
         square = (places**2).sum(axis=1)
-        apart = square[:, None] + square - 2 * places @ places.T
-        limit = 1.1 * (pace[:, None] + pace)
-        facing = heading @ heading.T < -0.7
-        candidates = (apart < limit**2) & facing & (going[:, None] | going)
+        apart = square[rows, None] + square - 2 * places[rows] @ places.T
+        candidates = apart < (1.1 * (pace[rows, None] + pace)) ** 2
+        candidates &= heading[rows] @ heading.T < -0.7
         one, other = np.nonzero(candidates)
-        one, other = one[one < other], other[one < other]
+        one = rows[one]
+        # Of two that are going each sees the other.
+        once = (one < other) | ~going[other]
+        one, other = one[once], other[once]
         gap = self._cell.nearest_turn(self._i, front[other] - front[one])
         distance = np.sqrt((gap**2).sum(axis=1))
         ahead = (gap * heading[one]).sum(axis=1) >= 0.9 * distance
