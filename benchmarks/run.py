@@ -3,7 +3,7 @@
     python benchmarks/run.py [--quick] [--problems a,b] [--methods copose,slsqp] [--output DIR]
 
 writes `results.md`, `results.png` and `results.json` to benchmarks/results/. A quick run takes
-about two minutes, a full one about forty. Every measurement runs in a process of its own, one at a
+about two minutes, a full one about twenty. Every measurement runs in a process of its own, one at a
 time; every answer is judged by Pinocchio. Full runs compile into an empty cache.
 """
 
@@ -61,7 +61,7 @@ QUICKLY = Amount(
 )
 FULLY = Amount(
     main={"copose": (100, 300.0), "copose-vm": (100, 120.0), "peer": (2000, 120.0)},
-    other={"copose": (100, 90.0), "copose-vm": (10, 20.0), "peer": (60, 3.0)},
+    other={"copose": (100, 40.0), "copose-vm": (10, 10.0), "peer": (60, 1.5)},
     local=100,
     local_problems=(MAIN, "xarm7-pair", "ur5-pair"),
     measured=100_000,

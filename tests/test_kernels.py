@@ -227,3 +227,67 @@ def test_two_processes_at_once_and_one_after_them_answer_alike(
     kernels, answers = zip(*(out.splitlines() for out, _ in said), strict=True)
     assert kernels[2:] == ("compiled", "virtual machine", "virtual machine")
     assert len(set(answers)) == 1
+
+
+@needs_compiler
+def test_a_library_that_crashes_never_reaches_the_cache(
+    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A compiler that makes `evaluate` fall over: the trial dies, not the planner."""
+    crash = tmp_path / "crash.c"
+    crash.write_text("void evaluate(void) { *(volatile int *)0 = 1; }")
+    fake = tmp_path / "cc"
+    real = cache.compiler()[0]
+    fake.write_text(
+        f'#!/bin/sh\nwhile [ "$1" != -o ]; do shift; done\n'
+        f'exec {real} -shared -fPIC -o "$2" {crash}\n'
+    )
+    fake.chmod(0o755)
+    monkeypatch.setenv("CC", str(fake))
+    kernel = small()
+    assert not build([kernel], wait=True) and not kernel.compiled
+    x, p = points(kernel, 2, 1)
+    assert np.isfinite(kernel(x, p)).all()
+
+
+@needs_compiler
+def test_a_compiler_that_hangs_is_given_up(
+    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake = tmp_path / "cc"
+    fake.write_text("#!/bin/sh\nexec sleep 60\n")
+    fake.chmod(0o755)
+    monkeypatch.setenv("CC", str(fake))
+    monkeypatch.setattr(cache, "_PATIENCE", 1.0)
+    began = time.monotonic()
+    assert not build([small()], wait=True)
+    assert time.monotonic() - began < 10
+    assert not list(home.glob(".building-*"))
+
+
+def test_without_a_compiler_no_code_is_written(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+
+    def never(self: Kernel) -> cache.Code:
+        raise AssertionError("code was written that nobody compiles")
+
+    monkeypatch.setattr(Kernel, "code", never)
+    assert not build([small()])
+
+
+def test_no_home_is_survived(monkeypatch: pytest.MonkeyPatch) -> None:
+    def homeless(self: Path) -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "expanduser", homeless)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setenv("COPOSE_COMPILE", "1")
+    assert cache.folder() is None and not build([small()], wait=True)
+
+
+@needs_compiler
+def test_a_junk_library_is_replaced(home: Path) -> None:
+    home.mkdir(mode=0o700)
+    kernel = small()
+    (home / f"{kernel.key}.so").write_bytes(b"junk")
+    assert build([kernel], wait=True) and kernel.compiled

@@ -10,20 +10,22 @@ import contextlib
 import os
 import shlex
 import shutil
+import signal
 import stat
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from copose.kernels.source import FLAGS
 
 _PATIENCE = 120.0
 _BUILDING = ".building-"
-# Files of compilations that never ended, s.
-_STALE = 3600.0
+# After which files of a compilation are taken to be left over, s.
+_STALE = 2 * _PATIENCE
 
 
 def wanted() -> bool:
@@ -47,11 +49,15 @@ def compiler() -> list[str] | None:
 
 def folder() -> Path | None:
     """The cache folder, made if need be; None where there is none that can be trusted."""
-    if sys.platform == "darwin":
-        home = Path("~/Library/Caches").expanduser()
-    else:
-        given = os.environ.get("XDG_CACHE_HOME", "")
-        home = Path(given) if Path(given).is_absolute() else Path("~/.cache").expanduser()
+    given = os.environ.get("XDG_CACHE_HOME", "")
+    try:
+        if Path(given).is_absolute():
+            home = Path(given)
+        else:
+            usual = "~/Library/Caches" if sys.platform == "darwin" else "~/.cache"
+            home = Path(usual).expanduser()
+    except RuntimeError:
+        return None
     if not home.is_absolute():
         return None
     place = home / "copose"
@@ -80,18 +86,41 @@ def library(key: str) -> Path | None:
     return file if own and stat.S_IMODE(found.st_mode) & 0o022 == 0 else None
 
 
-def fill(sources: Mapping[str, str], *, wait: bool) -> None:
+@dataclass(frozen=True)
+class Code:
+    """What a kernel is compiled from.
+
+    Attributes:
+        text: in C.
+        sizes: of x, p and y.
+    """
+
+    text: str
+    sizes: tuple[int, int, int]
+
+
+# A library that crashes must do so in a process of its own.
+_TRIAL = """\
+import ctypes, sys
+sizes = [int(size) for size in sys.argv[2:]]
+x, p, y = ((ctypes.c_double * (2 * size + 1))() for size in sizes)
+evaluate = ctypes.CDLL(sys.argv[1]).evaluate
+evaluate(ctypes.c_long(2), x, p, ctypes.c_long(0), y)
+"""
+
+
+def fill(codes: Mapping[str, Callable[[], Code]], *, wait: bool) -> None:
     """Compile kernels into the cache.
 
     Nothing is raised: without a compiler or a folder the cache stays as it is. A library appears
     whole, by a rename, so that any number of processes may do this at once.
 
     Args:
-        sources: C code by key.
+        codes: what writes the code, by key.
         wait: until the compiler has ended; else it goes on by itself, even after this process.
     """
     place, command = folder(), compiler()
-    if place is None or command is None or not sources:
+    if place is None or command is None or not codes:
         return
     _sweep(place)
     try:
@@ -99,29 +128,42 @@ def fill(sources: Mapping[str, str], *, wait: bool) -> None:
             scratch = Path(tempfile.mkdtemp(dir=place, prefix=_BUILDING))
         else:
             # Of many processes that start at once one sets the compiler to work.
-            scratch = place / f"{_BUILDING}{next(iter(sources))}"
+            scratch = place / f"{_BUILDING}{next(iter(codes))}"
             scratch.mkdir(mode=0o700)
+        (scratch / "trial.py").write_text(_TRIAL, encoding="utf-8")
+        lines = ["umask 077"]
+        patient = shutil.which("timeout")
+        limited = [patient, str(int(_PATIENCE))] if patient is not None else []
+        for key, write in codes.items():
+            code = write()
+            (scratch / f"{key}.c").write_text(code.text, encoding="utf-8")
+            steps = (
+                [*limited, *command, *FLAGS, "-o", f"{key}.so", f"{key}.c", "-lm"],
+                [*limited, sys.executable, "-I", "trial.py", f"./{key}.so", *map(str, code.sizes)],
+                ["mv", "-f", f"{key}.so", f"{place}/"],
+            )
+            lines.append(" && ".join(shlex.join(step) for step in steps))
     except OSError:
         return
-    lines = ["umask 077"]
-    for key, source in sources.items():
-        (scratch / f"{key}.c").write_text(source, encoding="utf-8")
-        compiling = shlex.join([*command, *FLAGS, "-o", f"{key}.so", f"{key}.c", "-lm"])
-        lines.append(f"{compiling} && mv -f {key}.so {shlex.quote(str(place))}/")
     script = "\n".join([*lines, f"cd / && rm -rf {shlex.quote(str(scratch))}"])
     # The shell returns at once and leaves the work to a child that nobody has to wait for.
     run = script if wait else f"({script}\n) </dev/null >/dev/null 2>&1 &"
-    with contextlib.suppress(OSError, subprocess.SubprocessError):
-        subprocess.run(
+    with contextlib.suppress(OSError):
+        shell = subprocess.Popen(
             ["/bin/sh", "-c", run],
             cwd=scratch,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            timeout=_PATIENCE,
             start_new_session=True,
-            check=False,
         )
+        try:
+            shell.wait(_PATIENCE)
+        except subprocess.TimeoutExpired:
+            with contextlib.suppress(OSError):
+                os.killpg(shell.pid, signal.SIGKILL)
+            shell.wait()
+            shutil.rmtree(scratch, ignore_errors=True)
 
 
 def _sweep(place: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import functools
 import hashlib
+import platform
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -39,15 +40,16 @@ class Kernel:
 
     @functools.cached_property
     def key(self) -> str:
-        """Names the compiled code: a hash of expression, what writes its C code, and flags."""
+        """Names compiled code: a hash of the expression, what writes it, compiler and machine."""
         code = hashlib.sha256(self._function.serialize().encode())
-        code.update(Path(source.__file__).read_bytes() + "\0".join(source.FLAGS).encode())
+        setting = (*source.FLAGS, *(cache.compiler() or ()), platform.machine())
+        code.update(Path(source.__file__).read_bytes() + "\0".join(setting).encode())
         return code.hexdigest()[:32]
 
-    @property
-    def source(self) -> str:
-        """Its C code."""
-        return source.c_source(self._function)
+    def code(self) -> cache.Code:
+        """What it is compiled from."""
+        sizes = (self._nx, self._np, self._ny)
+        return cache.Code(source.c_source(self._function), sizes)
 
     @property
     def compiled(self) -> bool:
@@ -69,6 +71,10 @@ class Kernel:
         for k in range(whole, len(x)):
             self._one(x[k], p[k] if p.ndim == 2 else p, y[k])
         return y
+
+    def forgive(self) -> None:
+        """Look again where a library was of no use: it may have been replaced."""
+        self._refused = False
 
     def load(self) -> bool:
         """Use the compiled code if the cache has it; whether it is in use."""
@@ -131,6 +137,8 @@ def build(kernels: Iterable[Kernel], *, wait: bool = False) -> bool:
     """
     missing = {kernel.key: kernel for kernel in kernels if not kernel.load()}
     if missing and cache.wanted():
-        cache.fill({key: kernel.source for key, kernel in missing.items()}, wait=wait)
+        cache.fill({key: kernel.code for key, kernel in missing.items()}, wait=wait)
+        for kernel in missing.values():
+            kernel.forgive()
         missing = {key: kernel for key, kernel in missing.items() if not kernel.load()}
     return not missing

@@ -108,13 +108,18 @@ class Cell:
         Raises:
             InputError: they do not fit the arms.
         """
+        if not isinstance(joints, Mapping):
+            raise InputError("a mapping from arms to positions is needed", key="joints")
         names = [arm.name for arm in self.arms]
         for name in joints:
             if name not in names:
                 raise InputError(f"no arm is called {name!r}{nearest(name, names)}", key="joints")
         given = []
         for arm in self.arms:
-            q = np.array(joints.get(arm.name, ()), dtype=float)
+            try:
+                q = np.array(joints.get(arm.name, ()), dtype=float)
+            except (TypeError, ValueError):
+                q = np.zeros(0)
             if q.shape != (arm.n,) or not np.all(np.isfinite(q)):
                 raise InputError(
                     f"{arm.n} finite numbers are needed, for {', '.join(arm.joint_names)}",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,6 +18,9 @@ from copose.planning.polishing import Crew, Polisher
 from copose.planning.program import PostureProgram
 from copose.planning.screening import Score
 from copose.poses import Array
+
+# s
+_LOOK_AGAIN = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +72,7 @@ class Machinery:
         self.meter = Meter(cell)
         self.smooth = self.score.smooth
         self._placer = Placer(cell.system, cell.scales)
+        self._looked: float | None = None
         own = [kernel for model in models.values() for kernel in model.all]
         self._kernels = (*own, *self.score.all)
 
@@ -78,7 +83,15 @@ class Machinery:
 
     def compiled(self, *, wait: bool = False) -> bool:
         """Whether compiled kernels are in use; what is missing is compiled, see `kernels.build`."""
-        return kernels.build(self._kernels, wait=wait)
+        if wait or self._looked is None:
+            self._looked = time.monotonic()
+            return kernels.build(self._kernels, wait=wait)
+        # The compiler was set to work once; whether it has ended need not be asked at every call.
+        if not self.compiled_already and time.monotonic() > self._looked + _LOOK_AGAIN:
+            self._looked = time.monotonic()
+            for kernel in self._kernels:
+                kernel.load()
+        return self.compiled_already
 
     @property
     def compiled_already(self) -> bool:

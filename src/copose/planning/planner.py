@@ -116,6 +116,8 @@ class Planner:
         Raises:
             InputError: an argument is not what it should be.
         """
+        if seed is not None and not (isinstance(seed, int) and 0 <= seed < 2**63):
+            raise InputError(f"{seed!r} is no whole number from 0 to 2⁶³ − 1", key="seed")
         if effort not in get_args(EffortName):
             raise InputError(f"{effort!r} is not low, normal or high", key="effort")
         began = time.perf_counter()
@@ -131,7 +133,12 @@ class Planner:
             progress=progress if progress is not None else _silent,
         )
         if warm is not None:
-            solution = run.follow(warm, setting.cell.given(_posture(warm)))
+            if verify:
+                raise InputError(
+                    "searches everything; from a warm posture one local optimum is sought",
+                    key="verify",
+                )
+            solution = run.follow(setting.cell.given(_posture(warm)))
             if solution is not None:
                 return solution
         return run.search(effort, verify)
@@ -197,8 +204,13 @@ class Planner:
         machinery.compiled()
         setting = self._setting(object_pose)
         cell, arrays = setting.cell, []
+        if not isinstance(postures, Mapping):
+            raise InputError("a mapping from arms to arrays is needed", key="postures")
         for arm in cell.arms:
-            q = np.asarray(postures.get(arm.name, ()), dtype=float)
+            try:
+                q = np.asarray(postures.get(arm.name, ()), dtype=float)
+            except (TypeError, ValueError):
+                q = np.zeros(0)
             if q.ndim != 2 or q.shape[1] != arm.n:
                 raise InputError(
                     f"an array of shape (count, {arm.n}) is needed, for "
@@ -279,7 +291,7 @@ class _Run:
                 status="infeasible",
                 reason=reason,
                 miss=self.machinery.meter.measure(cell, joints),
-                search=self._record(found, effort, None),
+                search=self._record(found, self.seed, effort, None),
                 timing=self.timing,
             )
         before, notes = self._before(found)
@@ -288,7 +300,8 @@ class _Run:
         if verify and value is not None:
             verification, better = self._verified(effort, value)
             if better is not None:
-                after, value = self._best(better, before)
+                found = better
+                after, value = self._best(found, before)
         return answer(
             cell,
             objective,
@@ -297,43 +310,52 @@ class _Run:
             notes=(*notes, *_verdict(verification)),
             before=before,
             after=after,
-            search=self._record(found, effort, value, verification),
+            search=self._record(
+                found,
+                self.seed if verification is None or verification.stands else verification.seed,
+                effort,
+                value,
+                verification,
+            ),
             timing=self.timing,
         )
 
-    def follow(
-        self, warm: Solution | Mapping[str, Sequence[float]], joints: Sequence[Array]
-    ) -> Solution | None:
+    def follow(self, joints: Sequence[Array]) -> Solution | None:
         """The local optimum that a posture leads to; None where it cannot be closed."""
         closed = [self._closed(i, q) for i, q in enumerate(joints)]
         q = [mine for mine in closed if mine is not None]
         if len(q) < len(closed):
             return None
         found = local_search(self.machinery, self.setting, np.concatenate(q), self.progress)
-        after, value = self._best(found, None)
+        before = self.machinery.meter.measure(self.cell, q)
+        after, value = self._best(found, before)
         if after is None:
             return None
-        solution = answer(
+        return answer(
             self.cell,
             self.machinery.objective,
             status="solved",
-            before=None
-            if isinstance(warm, Solution)
-            else self.machinery.meter.measure(self.cell, q),
+            before=before,
             after=after,
-            search=self._record(found, "local", value),
+            search=self._record(found, self.seed, "local", value),
             timing=self.timing,
         )
-        # What was measured once, where the object was then, is the posture before.
-        return solution.following(warm) if isinstance(warm, Solution) else solution
 
-    def _closed(self, i: int, q: Array) -> Array | None:
-        """Joints of arm i as they are where they hold the object, else projected, or None."""
+    def _closed(self, i: int, q: Array, *, as_given: bool = False) -> Array | None:
+        """Joints of arm i as they are where they hold the object, else projected, or None.
+
+        Args:
+            i: the arm.
+            q: joint positions, (n,).
+            as_given: even where they are nearer to a limit than the margin allows.
+        """
         kernels, cell, goal = self.machinery.arms[i], self.cell, self.setting.placement.goals[i]
+        lower, upper = cell.lower[i], cell.upper[i]
         residual, _ = kernels.residual(q[None], goal)
         if np.linalg.norm(residual) <= CLOSED:
-            return q
-        lower, upper = cell.lower[i], cell.upper[i]
+            folded = q if as_given else cell.folded(i, q)
+            if as_given or np.all((folded >= lower) & (folded <= upper)):
+                return folded
         end, gap = project(kernels, q[None], goal, lower, upper)
         if gap[0] <= CLOSED:
             return np.asarray(end[0])
@@ -348,7 +370,9 @@ class _Run:
         """The start of the file, closed, or the first closed posture that the seed gives."""
         joints, notes = [], []
         for i, (arm, sample) in enumerate(zip(self.cell.arms, found.samples, strict=True)):
-            q = self._closed(i, arm.start) if arm.start is not None else sample.closed[0]
+            q = sample.closed[0]
+            if arm.start is not None:
+                q = self._closed(i, arm.start, as_given=True)
             if q is None:
                 q = sample.closed[0]
                 notes.append(
@@ -408,6 +432,7 @@ class _Run:
     def _record(
         self,
         found: Found,
+        seed: int,
         effort: str,
         value: float | None,
         verification: VerificationRecord | None = None,
@@ -415,7 +440,7 @@ class _Run:
         ways = [end.status for end in found.failures]
         gained = value is not None and found.best_sample is not None
         return SearchRecord(
-            seed=self.seed,
+            seed=seed,
             effort=effort,
             samples={
                 arm.name: SampleRecord(

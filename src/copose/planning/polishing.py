@@ -319,7 +319,7 @@ class Polisher:
             reach = np.minimum(reach, _LONGEST / np.maximum(size.max(axis=(1, 2)), _LONGEST))
             room = np.where(step > 0, crew.upper - point.q[j], point.q[j] - crew.lower)
             part = np.full_like(step, np.inf)
-            np.divide(np.maximum(room, 0.0), size, out=part, where=size > 0)
+            np.divide(np.maximum(room, 0.0), size, out=part, where=size > 1e-200)
             reach = np.minimum(reach, part.min(axis=(1, 2)))
             gain += (tangents[j].slope.reshape(step.shape) * step).sum(axis=(1, 2))
             held.append(tangents[j].held.reshape(step.shape))

@@ -30,6 +30,8 @@ _KINKED = 10
 # Degrees of freedom to spare, of all arms, up to which the full number of starts is polished; and
 # the number that is polished however many there are.
 _PLAIN, _FEWEST = 8, 4
+# Combinations that are looked through for one that differs from those before.
+_AMONG = 64
 # Starts that are polished at a time, and how many times the largest gain so far the next may hope
 # for.
 _AT_ONCE, _HOPE = 8, 10.0
@@ -47,6 +49,8 @@ class Effort:
         starts: random combinations that exchange improves where there are more than two arms.
         polished: combinations that are polished.
         rounds: of combining anew what was polished, at most.
+        blind: combinations drawn at random that are polished where an arm has more than one degree
+            of freedom to spare, for a sample tells little about what is near it there.
     """
 
     batch: int
@@ -56,6 +60,7 @@ class Effort:
     starts: int
     polished: int
     rounds: int
+    blind: int
 
     def doubled(self) -> Effort:
         """Twice as much of everything but for the size of a batch."""
@@ -67,16 +72,26 @@ class Effort:
             starts=2 * self.starts,
             polished=2 * self.polished,
             rounds=2 * self.rounds,
+            blind=2 * self.blind,
         )
 
 
 EFFORTS = {
-    "low": Effort(batch=64, batches=4, loops=120, surfaces=150, starts=32, polished=8, rounds=0),
+    "low": Effort(
+        batch=64, batches=4, loops=120, surfaces=150, starts=32, polished=8, rounds=0, blind=0
+    ),
     "normal": Effort(
-        batch=96, batches=8, loops=240, surfaces=300, starts=96, polished=24, rounds=2
+        batch=96, batches=8, loops=240, surfaces=300, starts=96, polished=24, rounds=2, blind=16
     ),
     "high": Effort(
-        batch=256, batches=16, loops=480, surfaces=1200, starts=384, polished=160, rounds=6
+        batch=256,
+        batches=16,
+        loops=480,
+        surfaces=1200,
+        starts=384,
+        polished=160,
+        rounds=6,
+        blind=800,
     ),
 }
 
@@ -145,12 +160,17 @@ def search(
     starts, scores = _distinct(cell, postures, screened, most)
     polished = _Polishing(machinery, setting, progress)
     polished.add_promising(starts, scores)
+    if spare > K:
+        counts = [len(mine) for mine in postures]
+        drawn = rng.integers(0, counts, (int(effort.blind * min(1.0, _PLAIN / spare)), K))
+        picked = [mine[k] for mine, k in zip(postures, drawn.T, strict=True)]
+        polished.add(np.hstack(picked))
     combinations = screened.combinations
     dense = K <= 2 and all(kernels.n - kernels.m <= 1 for kernels in machinery.arms)
     for _ in range(0 if dense or not polished.ends else effort.rounds):
         # At a good combination every arm's posture is good for what the others add up to, and it
         # was polished for another sum before: so what is polished is combined anew.
-        postures = polished.postures()
+        postures = polished.postures(2 * most)
         for i, kernels in enumerate(machinery.arms):
             if K > 1 and kernels.n > kernels.m:
                 found = polished.responses(i, samples[i].closed, most)
@@ -206,7 +226,7 @@ def _distinct(
     Returns:
         Stacked joints, (count, N), and scores, (count,).
     """
-    columns = screened.chosen.T
+    columns = screened.chosen[: _AMONG * most].T
     q = np.hstack([sample[column] for sample, column in zip(samples, columns, strict=True)])
     left = np.arange(len(q))
     chosen: list[int] = []
@@ -234,10 +254,10 @@ class _Polishing:
     def best(self) -> float:
         return max((end.objective for end in self.ends), default=-np.inf)
 
-    def postures(self) -> list[Array]:
-        """By arm, where polishing has ended, without repetition."""
+    def postures(self, most: int) -> list[Array]:
+        """By arm, where the best ends of polishing are, without repetition."""
         cell = self._setting.cell
-        optima = np.array([optimum.q for optimum in _gathered(cell, self.ends)])
+        optima = np.array([optimum.q for optimum in _gathered(cell, self.ends)[:most]])
         parts = [part.T for part in cell.system.split(optima.T)] if len(optima) else []
         return [np.unique(part.round(9), axis=0) for part in parts]
 
@@ -329,9 +349,13 @@ def _gathered(cell: Cell, ending: Sequence[LocalOptimum]) -> list[LocalOptimum]:
         q = np.concatenate(
             [cell.folded(i, part) for i, part in enumerate(cell.system.split(end.q))]
         )
-        for j, known in enumerate(optima):
-            same = abs(known.objective - end.objective) < _SAME_OBJECTIVE
-            if same and _distances(cell, known.q[None], q)[0] < _SAME_JOINTS:
+        # Best first: those of the same objective stand last.
+        for j in range(len(optima) - 1, -1, -1):
+            known = optima[j]
+            if known.objective - end.objective >= _SAME_OBJECTIVE:
+                optima.append(LocalOptimum(q, end.objective, 1))
+                break
+            if _distances(cell, known.q[None], q)[0] < _SAME_JOINTS:
                 optima[j] = replace(known, count=known.count + 1)
                 break
         else:

@@ -123,7 +123,10 @@ class ArmSampler:
         ends, gaps = project(
             self.kernels, q[beyond <= near], self.goal, lower, upper, steps=20, closed=1e-10
         )
-        return np.asarray(ends[gaps < CLOSED])
+        ends = ends[gaps < CLOSED]
+        # Points beyond a limit often end in the same corner.
+        places = self.cell.embedded(self.i, ends).round(6)
+        return np.asarray(ends[np.sort(np.unique(places, axis=0, return_index=True)[1])])
 
     def _insist(self, rng: np.random.Generator) -> tuple[Array, Array]:
         """Postures that close within limits after all, and the nearest of those that do not."""

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from copose.errors import InputError
@@ -88,6 +89,8 @@ def moved(problem: Problem, place: Mapping[str, Any]) -> Problem:
     Raises:
         InputError: it is no place.
     """
+    if not isinstance(place, Mapping):
+        raise InputError("a mapping as [object] has it is needed", key="object_pose")
     allowed = ("position", "angle" if problem.space.planar else "rpy")
     for key in place:
         if key not in allowed:
@@ -127,4 +130,4 @@ def _as_tuples(node: Any) -> Any:
         return {key: _as_tuples(value) for key, value in node.items()}
     if isinstance(node, (list, tuple)):
         return tuple(_as_tuples(value) for value in node)
-    return node
+    return _as_tuples(node.tolist()) if isinstance(node, np.ndarray) else node

@@ -253,11 +253,6 @@ class Solution(Record):
     timing: Timing
     unlimited: dict[str, tuple[str, ...]]
 
-    def following(self, previous: Solution) -> Solution:
-        """The same with the posture that another result ended in as the posture before."""
-        objective = self.objective.model_copy(update={"before": previous.objective.after})
-        return self.model_copy(update={"before": previous.after, "objective": objective})
-
     @model_validator(mode="after")
     def _fits_together(self) -> Solution:
         size = len(self.problem.axes)
