@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import run
+import summary
+from cases import NAMES, case, ring_case
+from enumerate_optima import known, same_posture
+from jobs import moved, verdict
+from numpy_model import NumpyModel
+from peers import PEERS
+from sampling import closed_starts, project, spread_out
+from tables import report
+from truth import Truth, truth_of
 
 import copose
 from reference import PROBLEMS
 
 BENCHMARKS = PROBLEMS.parent / "benchmarks"
-sys.path.append(str(BENCHMARKS))
-
-import run  # noqa: E402
-import summary  # noqa: E402
-from cases import NAMES, case, ring_case  # noqa: E402
-from enumerate_optima import known, same_posture  # noqa: E402
-from jobs import moved, verdict  # noqa: E402
-from numpy_model import NumpyModel  # noqa: E402
-from peers import PEERS  # noqa: E402
-from sampling import closed_starts, project, spread_out  # noqa: E402
-from tables import report  # noqa: E402
-from truth import Truth, truth_of  # noqa: E402
 
 
 def test_every_shipped_problem_is_a_case() -> None:

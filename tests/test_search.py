@@ -185,7 +185,7 @@ def test_verification_says_whether_the_answer_stands(monkeypatch: pytest.MonkeyP
     assert again.stands and again.seed != 0
     assert again.objective == pytest.approx(solution.objective.after, abs=1e-8)
     # A first search that sees nothing but the worst of what it polishes.
-    from copose.planning import planner as module
+    from copose.planning import running as module
 
     honest = module.search
 

@@ -130,6 +130,9 @@ def fill(codes: Mapping[str, Callable[[], Code]], *, wait: bool) -> None:
             # Of many processes that start at once one sets the compiler to work.
             scratch = place / f"{_BUILDING}{next(iter(codes))}"
             scratch.mkdir(mode=0o700)
+    except OSError:
+        return
+    try:
         (scratch / "trial.py").write_text(_TRIAL, encoding="utf-8")
         lines = ["umask 077"]
         patient = shutil.which("timeout")
@@ -148,6 +151,7 @@ def fill(codes: Mapping[str, Callable[[], Code]], *, wait: bool) -> None:
             )
             lines.append(" && ".join(shlex.join(step) for step in steps))
     except OSError:
+        shutil.rmtree(scratch, ignore_errors=True)
         return
     script = "\n".join([*lines, f"cd / && rm -rf {shlex.quote(str(scratch))}"])
     # The shell returns at once and leaves the work to a child that nobody has to wait for.

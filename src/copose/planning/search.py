@@ -111,7 +111,7 @@ class Found:
 
     Attributes:
         samples: of every arm.
-        screened: combinations; None where an arm has no posture.
+        combinations: that were evaluated.
         best_sample: the objective of the best combination before polishing.
         starts: combinations that were polished.
         optima: distinct local optima, best first.

@@ -1,0 +1,268 @@
+"""One answer in the making: from what a search found to a result."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from copose.planning.answering import answer
+from copose.planning.cell import Cell
+from copose.planning.closing import CLOSED, project
+from copose.planning.machinery import Machinery, Setting
+from copose.planning.measuring import Measurement
+from copose.planning.missing import misses
+from copose.planning.notes import margin_notes
+from copose.planning.search import EFFORTS, Found, LocalOptimum, Progress, local_search, search
+from copose.poses import Array
+from copose.results import (
+    FailureRecord,
+    Optimum,
+    SampleRecord,
+    SearchRecord,
+    Solution,
+    Timing,
+    VerificationRecord,
+)
+
+EffortName: TypeAlias = Literal["low", "normal", "high"]
+
+# What a returned posture may miss its grasp by, m or rad.
+CLOSURE_TOLERANCE = 1e-8
+_STANDS = 1e-6
+_NUDGES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One answer in the making."""
+
+    machinery: Machinery
+    setting: Setting
+    seed: int
+    build_s: float
+    began: float
+    progress: Progress
+
+    @property
+    def cell(self) -> Cell:
+        """Where the object is."""
+        return self.setting.cell
+
+    @property
+    def timing(self) -> Timing:
+        """Seconds spent so far."""
+        return Timing(
+            build_s=self.build_s,
+            search_s=time.perf_counter() - self.began,
+            kernels="compiled" if self.machinery.compiled_already else "virtual machine",
+        )
+
+    def search(self, effort: EffortName, verify: bool) -> Solution:
+        """Search everything."""
+        cell, objective = self.cell, self.machinery.objective
+        found = search(self.machinery, self.setting, self.seed, EFFORTS[effort], self.progress)
+        if any(len(sample.closed) == 0 for sample in found.samples):
+            joints, reason = misses(cell, found.samples)
+            return answer(
+                cell,
+                objective,
+                status="infeasible",
+                reason=reason,
+                miss=self.machinery.meter.measure(cell, joints),
+                search=self._record(found, self.seed, effort, None),
+                timing=self.timing,
+            )
+        before, notes = self._before(found)
+        after, value = self._best(found, before)
+        verification = None
+        if verify and value is not None:
+            verification, better = self._verified(effort, value)
+            if better is not None:
+                found = better
+                after, value = self._best(found, before)
+        return answer(
+            cell,
+            objective,
+            status="failed" if after is None else "solved",
+            reason=self._why(found, before) if after is None else None,
+            notes=(*notes, *_verdict(verification)),
+            before=before,
+            after=after,
+            search=self._record(
+                found,
+                self.seed if verification is None or verification.stands else verification.seed,
+                effort,
+                value,
+                verification,
+            ),
+            timing=self.timing,
+        )
+
+    def follow(self, joints: Sequence[Array]) -> Solution | None:
+        """The local optimum that a posture leads to; None where it cannot be closed."""
+        closed = [self._closed(i, q) for i, q in enumerate(joints)]
+        q = [mine for mine in closed if mine is not None]
+        if len(q) < len(closed):
+            return None
+        found = local_search(self.machinery, self.setting, np.concatenate(q), self.progress)
+        before = self.machinery.meter.measure(self.cell, q)
+        after, value = self._best(found, before)
+        if after is None:
+            return None
+        return answer(
+            self.cell,
+            self.machinery.objective,
+            status="solved",
+            before=before,
+            after=after,
+            search=self._record(found, self.seed, "local", value),
+            timing=self.timing,
+        )
+
+    def _closed(self, i: int, q: Array, *, as_given: bool = False) -> Array | None:
+        """Joints of arm i as they are where they hold the object, else projected, or None.
+
+        Args:
+            i: the arm.
+            q: joint positions, (n,).
+            as_given: even where they are nearer to a limit than the margin allows.
+        """
+        kernels, cell, goal = self.machinery.arms[i], self.cell, self.setting.placement.goals[i]
+        lower, upper = cell.lower[i], cell.upper[i]
+        residual, _ = kernels.residual(q[None], goal)
+        if np.linalg.norm(residual) <= CLOSED:
+            folded = q if as_given else cell.folded(i, q)
+            if as_given or np.all((folded >= lower) & (folded <= upper)):
+                return folded
+        end, gap = project(kernels, q[None], goal, lower, upper)
+        if gap[0] <= CLOSED:
+            return np.asarray(end[0])
+        # A stretched arm has no slope to follow; from a little beside it there is one.
+        nudges = np.random.default_rng(0).normal(size=(_NUDGES, len(q)))
+        beside = q + nudges * np.geomspace(1e-3, 0.1, _NUDGES)[:, None]
+        ends, gaps = project(kernels, beside, goal, lower, upper)
+        closed = np.flatnonzero(gaps <= CLOSED)
+        return np.asarray(ends[closed[0]]) if len(closed) else None
+
+    def _before(self, found: Found) -> tuple[Measurement, tuple[str, ...]]:
+        """The start of the file, closed, or the first closed posture that the seed gives."""
+        joints, notes = [], []
+        for i, (arm, sample) in enumerate(zip(self.cell.arms, found.samples, strict=True)):
+            q = sample.closed[0]
+            if arm.start is not None:
+                q = self._closed(i, arm.start, as_given=True)
+            if q is None:
+                q = sample.closed[0]
+                notes.append(
+                    f"the start of arm {arm.name!r} could not be projected onto its grasp; the "
+                    "first closed posture of the seed stands in for it"
+                )
+            joints.append(q)
+        measured = self.machinery.meter.measure(self.cell, joints)
+        return measured, (*notes, *margin_notes(self.cell, joints))
+
+    def _best(
+        self, found: Found, before: Measurement | None
+    ) -> tuple[Measurement | None, float | None]:
+        """The best optimum that passes its own check, or the start where none is better."""
+        cell, value = self.cell, self.machinery.objective.of
+        best = None
+        for optimum in found.optima:
+            joints = [self._closed(i, q) for i, q in enumerate(cell.system.split(optimum.q))]
+            if any(q is None for q in joints):
+                continue
+            measured = self.machinery.meter.measure(cell, [q for q in joints if q is not None])
+            if (
+                measured.ellipsoid is not None
+                and max(measured.posture.closure_error.values()) <= CLOSURE_TOLERANCE
+                and abs(value(measured.ellipsoid) - optimum.objective) <= 1e-6
+            ):
+                best = measured
+                break
+        if before is not None and before.ellipsoid is not None and self._allowed(before):
+            start = value(before.ellipsoid)
+            if best is None or best.ellipsoid is None or start > value(best.ellipsoid):
+                best = before if best is not None else None
+        if best is None or best.ellipsoid is None:
+            return None, None
+        return best, value(best.ellipsoid)
+
+    def _allowed(self, measured: Measurement) -> bool:
+        joints = measured.posture.joints
+        return all(
+            np.all((np.array(joints[arm.name]) >= low) & (np.array(joints[arm.name]) <= high))
+            for arm, low, high in zip(self.cell.arms, self.cell.lower, self.cell.upper, strict=True)
+        )
+
+    def _verified(
+        self, effort: EffortName, value: float
+    ) -> tuple[VerificationRecord, Found | None]:
+        """A second search, and what it found where that is better."""
+        seed = int(np.random.SeedSequence([self.seed, 1]).generate_state(1)[0])
+        again = search(self.machinery, self.setting, seed, EFFORTS[effort].doubled(), self.progress)
+        best: LocalOptimum | None = again.optima[0] if again.optima else None
+        stands = best is None or best.objective <= value + _STANDS
+        record = VerificationRecord(
+            seed=seed, objective=best.objective if best is not None else None, stands=stands
+        )
+        return record, None if stands else again
+
+    def _record(
+        self,
+        found: Found,
+        seed: int,
+        effort: str,
+        value: float | None,
+        verification: VerificationRecord | None = None,
+    ) -> SearchRecord:
+        ways = [end.status for end in found.failures]
+        gap = None
+        if value is not None and found.best_sample is not None:
+            gap = value - found.best_sample
+        return SearchRecord(
+            seed=seed,
+            effort=effort,
+            samples={
+                arm.name: SampleRecord(
+                    tried=sample.tried, closed=len(sample.closed), branches=sample.branches
+                )
+                for arm, sample in zip(self.cell.arms, found.samples, strict=False)
+            },
+            combinations=found.combinations,
+            best_sample=found.best_sample,
+            gap=gap,
+            starts=found.starts,
+            local_optima=tuple(Optimum(objective=o.objective, count=o.count) for o in found.optima),
+            failures=tuple(
+                FailureRecord(status=way, count=ways.count(way)) for way in sorted({*ways})
+            ),
+            verification=verification,
+        )
+
+    def _why(self, found: Found, before: Measurement) -> str:
+        if before.ellipsoid is None and before.notes:
+            return before.notes[0]
+        if not found.failures:
+            return "no local optimum passed its own check of closure and objective"
+        units = {
+            constraint.name: constraint.unit for constraint in self.machinery.program.constraints
+        }
+        worst = [
+            f"{name} {violation:.1e} {units[name]}"
+            for name, violation in found.failures[0].violations.items()
+            if violation > CLOSURE_TOLERANCE
+        ]
+        return f"no local solve converged: {found.failures[0].status} {', '.join(worst)}".strip()
+
+
+def _verdict(verification: VerificationRecord | None) -> tuple[str, ...]:
+    if verification is None or verification.stands:
+        return ()
+    return (
+        "the first search missed this posture; the second, with twice the effort and seed "
+        f"{verification.seed}, found it",
+    )
