@@ -13,6 +13,7 @@ from copose.poses import Array, Pose, rotation_rows
 from copose.problem import Space
 
 N_PARAMETERS = 14
+_UPPER = np.triu_indices(3)
 
 
 def object_parameters(pose: Pose, mass: float, inertia: ArrayLike) -> Array:
@@ -26,7 +27,7 @@ def object_parameters(pose: Pose, mass: float, inertia: ArrayLike) -> Array:
     matrix = np.asarray(inertia, dtype=float)
     if matrix.ndim == 0:
         matrix = np.eye(3) * matrix
-    upper = matrix[np.triu_indices(3)]
+    upper = matrix[_UPPER]
     return np.concatenate([pose.position, pose.quaternion, [mass], upper])
 
 

@@ -147,30 +147,27 @@ class Placement:
 
 
 class Placer:
-    """Turns the object's parameters into what the kernels take."""
+    """Turns the object's parameters into what the kernels take, by a kernel of its own."""
 
     def __init__(self, system: System, scales: Sequence[Array]) -> None:
-        """Build the function that does it."""
-        arms = range(len(system.arms))
-        goals, couplings = [system.goal(i) for i in arms], [system.coupling(i) for i in arms]
+        """Write down what does it."""
+        parts = [upper_triangle(system.object.M_o)]
+        for i in range(len(system.arms)):
+            goal, coupling = system.goal(i), system.coupling(i)
+            parts += [
+                ca.vertcat(goal.position, goal.quaternion),
+                ca.vertcat(ca.vec(coupling.motion), ca.vec(coupling.load)),
+            ]
         self._scales = scales
-        self._function = ca.Function(
-            "placement",
-            [system.object.parameters],
-            [
-                *(ca.vertcat(goal.position, goal.quaternion) for goal in goals),
-                *(ca.vertcat(ca.vec(c.motion), ca.vec(c.load)) for c in couplings),
-                upper_triangle(system.object.M_o),
-            ],
-        )
+        self._edges = np.cumsum([part.numel() for part in parts])[:-1]
+        self.kernel = Kernel(system.object.parameters, ca.SX(0, 1), ca.vertcat(*parts))
 
     def __call__(self, parameters: Array) -> Placement:
         """The placement of an object."""
-        *values, inertia = (np.array(value).ravel() for value in self._function(parameters))
-        K = len(self._scales)
-        ties = zip(values[K:], self._scales, strict=True)
+        inertia, *parts = np.split(self.kernel(parameters[None], np.zeros(0))[0], self._edges)
+        ties = zip(parts[1::2], self._scales, strict=True)
         return Placement(
-            goals=tuple(values[:K]),
+            goals=tuple(parts[::2]),
             ties=tuple(np.concatenate(tie) for tie in ties),
             inertia=inertia,
         )

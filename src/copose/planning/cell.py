@@ -91,16 +91,31 @@ class Cell:
 
         Of several positions within the limits it is the one in (−π, π], else that nearest to it.
         """
-        lower, upper, turn = self.lower[i], self.upper[i], 2 * np.pi
+        lower, upper = (np.broadcast_to(x[i], np.shape(q)) for x in (self.lower, self.upper))
         q = self.nearest_turn(i, q)
-        with np.errstate(invalid="ignore"):
-            below, above = np.maximum(lower - q, 0.0), np.maximum(q - upper, 0.0)
-            up, down = q + turn * np.ceil(below / turn), q - turn * np.ceil(above / turn)
-        # Where no turn helps, the end of the range that is nearer.
-        up_excess, down_excess = np.maximum(up - upper, 0.0), np.maximum(lower - down, 0.0)
-        shifted = np.where(below > 0, np.where(up_excess <= below, up, q),
-                           np.where(down_excess <= above, down, q))  # fmt: skip
-        return np.where(self._revolute[i] & ((below > 0) | (above > 0)), shifted, q)
+        turn = 2 * np.pi
+        for sign, limit, other in ((1.0, lower, upper), (-1.0, upper, lower)):
+            beyond = sign * (limit - q)
+            out = (beyond > 0) & self._revolute[i]
+            if out.any():
+                back = q[out] + sign * turn * np.ceil(beyond[out] / turn)
+                # Where no turn helps, the end of the range that is nearer.
+                helps = np.maximum(sign * (back - other[out]), 0.0) <= beyond[out]
+                q[out] = np.where(helps, back, q[out])
+        return q
+
+    def beyond(self, i: int, q: Array) -> Array:
+        """How far the worst joint of arm i is outside its limits, below zero inside them.
+
+        Args:
+            i: the arm.
+            q: positions, (count, n); a whole turn changes nothing.
+
+        Returns:
+            rad or m, (count,).
+        """
+        middle, half = self._ranges[i]
+        return np.asarray((np.abs(self.nearest_turn(i, q - middle)) - half).max(axis=1))
 
     def given(self, joints: Mapping[str, ArrayLike]) -> list[Array]:
         """Joint positions by name as arrays in the order of the arms, (n_i,) each.
@@ -155,9 +170,17 @@ class Cell:
 
     def nearest_turn(self, i: int, q: Array) -> Array:
         """Positions or differences of arm i, (..., n), with every revolute joint in (−π, π]."""
-        turned = np.pi - np.mod(np.pi - q, 2 * np.pi)
-        revolute = self._revolute[i]
-        return turned if revolute.all() else np.where(revolute, turned, q)
+        return _within_half_a_turn(q, self._revolute[i])
+
+    def distances(self, many: Array, q: Array) -> Array:
+        """Largest difference of a joint, rad or m, of postures (count, N) to q, (N,): (count,).
+
+        A whole turn makes no other posture.
+        """
+        if len(many) == 0:
+            return np.zeros(0)
+        apart = _within_half_a_turn(many - q, self._all_revolute)
+        return np.asarray(np.abs(apart).max(axis=1))
 
     def embedded(self, i: int, q: Array) -> Array:
         """Positions of arm i, (count, n), as points whose distance no whole turn changes.
@@ -173,6 +196,25 @@ class Cell:
         return tuple(
             np.array([joint.kind == "revolute" for joint in arm.joints]) for arm in self.arms
         )
+
+    @cached_property
+    def _ranges(self) -> list[tuple[Array, Array]]:
+        """Middle and half width of the limits by arm, zero and infinite where there are none."""
+        ranges = []
+        for lower, upper in zip(self.lower, self.upper, strict=True):
+            limited = np.isfinite(lower) & np.isfinite(upper)
+            low, high = np.where(limited, lower, 0.0), np.where(limited, upper, 0.0)
+            ranges.append(((low + high) / 2, np.where(limited, (high - low) / 2, np.inf)))
+        return ranges
+
+    @cached_property
+    def _all_revolute(self) -> Mask:
+        return np.concatenate(self._revolute)
+
+
+def _within_half_a_turn(q: Array, revolute: Mask) -> Array:
+    turned = np.pi - np.mod(np.pi - q, 2 * np.pi)
+    return turned if revolute.all() else np.where(revolute, turned, q)
 
 
 def _parameters(problem: Problem) -> Array:

@@ -74,7 +74,7 @@ class Machinery:
         self._placer = Placer(cell.system, cell.scales)
         self._looked: float | None = None
         own = [kernel for model in models.values() for kernel in model.all]
-        self._kernels = (*own, *self.score.all)
+        self._kernels = (*own, *self.score.all, self._placer.kernel)
 
     @cached_property
     def program(self) -> PostureProgram:

@@ -158,7 +158,11 @@ class Planner:
         return LocalEnd(
             joints={arm.name: cell.folded(i, q) for (i, arm), q in
                     zip(enumerate(cell.arms), parts, strict=True)},
-            objective=float(machinery.objectives(setting, polished.q)[0]),
+            objective=float(
+                polished.value[0]
+                if machinery.smooth
+                else machinery.objectives(setting, polished.q)[0]
+            ),
             optimality=float(polished.error[0]),
             converged=bool(polished.converged[0] and max(gaps) <= CLOSED and machinery.smooth),
         )  # fmt: skip

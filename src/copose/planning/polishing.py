@@ -357,10 +357,12 @@ class Polisher:
                 guess = np.where(low, crew.lower, np.where(high, crew.upper, guess))
                 # What a step of full reach brings to its limit stays there.
                 stop = stop | ((low | high) & ~crew.stopped(there))
-            lower, upper = np.broadcast_arrays(crew.lower, crew.upper, guess)[:2]
+            lower, upper, goals = crew.lower, crew.upper, crew.goals
+            if len(reach) > 1:
+                goals = np.tile(goals, (len(reach), 1))
+                lower, upper = np.broadcast_arrays(lower, upper, guess)[:2]
             if stop.any():
                 lower, upper = np.where(stop, guess, lower), np.where(stop, guess, upper)
-            goals = crew.goals if len(reach) == 1 else np.tile(crew.goals, (len(reach), 1))
             end, gap = project(
                 crew.kernels, guess.reshape(-1, n), goals, lower.reshape(-1, n),
                 upper.reshape(-1, n), steps=12, closed=_CLOSED_WELL,

@@ -232,7 +232,7 @@ def _distinct(
     chosen: list[int] = []
     while len(left) and len(chosen) < most:
         chosen.append(left[0])
-        left = left[_distances(cell, q[left], q[left[0]]) > _APART]
+        left = left[cell.distances(q[left], q[left[0]]) > _APART]
     return q[chosen], screened.scores[chosen]
 
 
@@ -286,7 +286,7 @@ class _Polishing:
         """Those of the starts that are no end."""
         ends = np.array([end.q for end in self.ends])
         cell = self._setting.cell
-        new = [np.all(_distances(cell, ends, q) > _SAME_JOINTS) for q in starts]
+        new = [np.all(cell.distances(ends, q) > _SAME_JOINTS) for q in starts]
         return np.asarray(starts[np.array(new, dtype=bool)])
 
     def add_promising(self, starts: Array, scores: Array) -> None:
@@ -337,7 +337,7 @@ def _left(cell: Cell, ends: Polished, solved: Mask, smooth: bool) -> Array:
         return np.asarray(ends.q[near[:_KINKED]])
     chosen: Array = ends.q[:0]
     for row in ends.q[order]:
-        if len(chosen) < _KINKED and np.all(_distances(cell, chosen, row) > _SAME_JOINTS):
+        if len(chosen) < _KINKED and np.all(cell.distances(chosen, row) > _SAME_JOINTS):
             chosen = np.vstack([chosen, row])
     return chosen
 
@@ -355,7 +355,7 @@ def _gathered(cell: Cell, ending: Sequence[LocalOptimum]) -> list[LocalOptimum]:
             if known.objective - end.objective >= _SAME_OBJECTIVE:
                 optima.append(LocalOptimum(q, end.objective, 1))
                 break
-            if _distances(cell, known.q[None], q)[0] < _SAME_JOINTS:
+            if cell.distances(known.q[None], q)[0] < _SAME_JOINTS:
                 optima[j] = replace(known, count=known.count + 1)
                 break
         else:
@@ -375,13 +375,3 @@ def _tie_broken(optima: list[LocalOptimum]) -> list[LocalOptimum]:
         least = min(o.q[joint] for o in first)
         first = [o for o in first if o.q[joint] <= least + _SAME_JOINTS]
     return [first[0], *(o for o in tied if o is not first[0]), *rest]
-
-
-def _distances(cell: Cell, many: Array, q: Array) -> Array:
-    """Largest difference of a joint; a whole turn makes no other posture. (count,)."""
-    if len(many) == 0:
-        return np.zeros(0)
-    turned = [
-        cell.nearest_turn(i, part.T) for i, part in enumerate(cell.system.split((many - q).T))
-    ]
-    return np.asarray(np.abs(np.hstack(turned)).max(axis=1))

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from copose.errors import InputError
 from copose.problem.messages import explain
+from copose.problem.objects import Placement, PlanarPlacement
 from copose.problem.spaces import SPACES
 from copose.problem.spec import PlanarProblem, Problem, SpatialProblem
 
@@ -97,13 +98,17 @@ def moved(problem: Problem, place: Mapping[str, Any]) -> Problem:
             raise InputError(
                 f"is not known; allowed: {', '.join(allowed)}", key=f"object_pose.{key}"
             )
-    model = type(problem.object)
+    thing = problem.object
+    model = PlanarPlacement if problem.space.planar else Placement
+    stays = {key: getattr(thing, key) for key in allowed}
     try:
-        thing = model.model_validate({**problem.object.model_dump(), **_as_tuples(place)})
+        # The object's other keys are as they were: only its place is checked again.
+        new = model.model_validate({**stays, **_as_tuples(place)})
     except ValidationError as error:
         found = explain(error, model, None)
         raise InputError(found.message, key=f"object_pose.{found.key}") from None
-    elsewhere = problem.model_copy(update={"object": thing})
+    there = thing.model_copy(update={key: getattr(new, key) for key in allowed})
+    elsewhere = problem.model_copy(update={"object": there})
     elsewhere._source = problem.source
     return elsewhere
 
