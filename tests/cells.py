@@ -21,7 +21,7 @@ FILES = sorted(PROBLEMS.glob("*.toml"))
 def closed_postures(ready: Cell, i: int, count: int = 512, seed: int = 0) -> np.ndarray:
     """Random postures of arm i, drawn and projected within its limits, that hold the object."""
     kernels = ArmKernels.of(ready.system.arms[i], ready.resolution)
-    goal = Placer(ready.system, ready.scales)(ready.parameters).goals[i]
+    goal = Placer(ready.system, ready.resolution, ready.scales)(ready.parameters).goals[i]
     low, high = finite_range(ready.lower[i], ready.upper[i])
     drawn = np.random.default_rng([seed, i]).uniform(low, high, (count, len(low)))
     q, gaps = project(kernels, drawn, goal, ready.lower[i], ready.upper[i])

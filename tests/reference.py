@@ -298,6 +298,45 @@ class Problem:
         solved = np.linalg.solve(system, np.column_stack([torques, right]))[N + Km :]
         return solved[:, :N], solved[:, N]
 
+    def torque_limits(self) -> np.ndarray:
+        """T of all joints, of the file or the URDF."""
+        parts = [
+            np.array(table["torque_limits"], dtype=float)
+            if "torque_limits" in table
+            else np.array(self.arms[table["name"]].model.upperEffortLimit)
+            for table in self.tables["arms"]
+        ]
+        return np.concatenate(parts)
+
+    def at_rest(self, joints: dict):
+        """M, J, g, W and X of all arms, and g_o, as they stand in the equations of motion at rest.
+
+        X is W with the moments of forces in the linear spaces, and g_o has a zero for each.
+        """
+        import scipy.linalg
+
+        rows, planar = self.rows, self.space.startswith("planar")
+        default = [0.0, 0.0] if planar else [0.0, 0.0, -9.81]
+        gravity = np.array(self.tables.get("world", {}).get("gravity", default), dtype=float)
+        gravity = np.array([*gravity, 0.0])[:3]
+        balance = [0, 1, 5] if planar else [0, 1, 2, 3, 4, 5]
+        Ms, Js, gs, Ws, Xs = [], [], [], [], []
+        for table in self.tables["arms"]:
+            arm, q = self.arms[table["name"]], np.array(joints[table["name"]])
+            _, J, M, _ = arm.at(q)
+            Ms.append(M)
+            Js.append(J[rows])
+            gs.append(arm.in_motion(q, np.zeros(len(q)), gravity)[0])
+            full = np.eye(6)
+            full[3:, :3] = skew(self.object.rotation @ pose(table["grasp"]).translation)
+            Ws.append(self.W(table))
+            Xs.append(full[np.ix_(balance, rows)])
+        weight = np.concatenate([-gravity * self.tables["object"]["mass"], np.zeros(3)])[balance]
+        return (
+            scipy.linalg.block_diag(*Ms), scipy.linalg.block_diag(*Js), np.concatenate(gs),
+            np.hstack(Ws), np.hstack(Xs), weight,
+        )  # fmt: skip
+
     def ellipsoid(self, joints: dict):
         """(gram, center) of what the file asks for, with its slice."""
         settings = self.tables.get("ellipsoid", {})

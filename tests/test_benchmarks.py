@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import limits
 import numpy as np
 import pytest
 import run
@@ -25,8 +26,19 @@ BENCHMARKS = PROBLEMS.parent / "benchmarks"
 
 
 def test_every_shipped_problem_is_a_case() -> None:
-    assert {path.stem for path in PROBLEMS.glob("*.toml")} <= set(NAMES)
+    shipped = {path.stem for path in PROBLEMS.glob("*.toml")}
+    assert shipped <= {*NAMES, *limits.SHIPPED}
     assert set(known()) == set(NAMES)
+
+
+def test_what_limits_decide_is_compared_with_a_sample(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limits, "DRAWN", 1024)
+    monkeypatch.setattr(limits, "DENSE", 20)
+    row = limits.line("panda-payload", "as shipped", 2)
+    assert "| 2/2 | 2/2 |" in row
+    # A search that reaches less than the sample is told.
+    monkeypatch.setattr(limits, "sampled", lambda *_: 1e3)
+    assert "| 0/2 | 2/2 |" in limits.line("panda-payload", "as shipped", 2)
 
 
 @pytest.mark.parametrize("name", NAMES)

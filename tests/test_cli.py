@@ -116,7 +116,7 @@ def test_evaluate_the_start_and_a_result(here: Path, capsys) -> None:
     assert main(["solve", file, "-o", "best", "--quiet"]) == 0
     assert main(["evaluate", file, "--joints", "best/result.json", "-o", "again", "--quiet"]) == 0
     best, again = (json.loads((here / d / "result.json").read_text()) for d in ("best", "again"))
-    assert best["after"] == again["after"]
+    assert best["after"] == {key: again["after"][key] for key in best["after"]}
     assert best["objective"]["after"] == again["objective"]["after"]
     assert "posture" in capsys.readouterr().out
 

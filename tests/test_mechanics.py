@@ -10,8 +10,7 @@ from cells import PANDA, planar, two_pandas
 from copose.mechanics import System, object_parameters
 from copose.planning.cell import Cell
 from copose.planning.hessian import differenced_hessian
-from copose.planning.objectives import Volume, objective_of
-from copose.planning.program import PostureProgram
+from copose.planning.machinery import Machinery
 from copose.problem import parse
 from copose.robots import load_arms
 from reference import Problem, UrdfArm
@@ -147,8 +146,8 @@ def test_gradients_equal_central_differences(space: str, kind: str, resolution: 
         tables["objective"]["directions"] = [{"direction": list(range(1, m + 1)), "weight": 0.7}]
     tables["ellipsoid"] = {"resolution": resolution}
     cell = Cell.of(parse(tables))
-    objective = objective_of(cell.problem)
-    nlp = PostureProgram(cell.system, cell.gram, objective).expressions
+    machinery = Machinery(cell)
+    objective, nlp = machinery.objective, machinery.program.expressions
     stacked = ca.vertcat(nlp["f"], nlp["g"])
     values = ca.Function("values", [nlp["x"], nlp["p"]], [stacked])
     slopes = ca.Function("slopes", [nlp["x"], nlp["p"]], [ca.jacobian(stacked, nlp["x"])])
@@ -197,7 +196,7 @@ def test_closure_vanishes_at_the_goal_and_not_at_a_flipped_hand() -> None:
 
 def test_the_hessian_equals_central_differences_of_the_gradient() -> None:
     cell = Cell.of(parse(planar(2, 4, "planar")))
-    nlp = PostureProgram(cell.system, cell.gram, Volume("log")).expressions
+    nlp = Machinery(cell).program.expressions
     hessian = differenced_hessian(nlp, nlp["x"].shape[0])
     rng = np.random.default_rng(2)
     q, weights = rng.uniform(-1.2, 1.2, nlp["x"].shape[0]), rng.normal(size=nlp["g"].shape[0])

@@ -12,10 +12,10 @@ import pytest
 import copose
 from cells import closed_postures, planar, tables, two_pandas
 from copose.capability import Ellipsoid
+from copose.planning.aims import objective_of
 from copose.planning.cell import Cell
+from copose.planning.machinery import Machinery
 from copose.planning.measuring import Meter
-from copose.planning.objectives import objective_of
-from copose.planning.program import PostureProgram
 from copose.problem import parse
 from reference import Problem as Truth
 from test_resolutions import SIZES, SPACES, cell_of
@@ -66,15 +66,15 @@ def test_twenty_of_twenty_closed_starts_converge(
     cell = cell_of(space, resolution=resolution, torque_scaling=scaling)
     cell["objective"] = objectives(SIZES[space])[kind]
     ready = Cell.of(parse(cell))
-    objective = objective_of(ready.problem)
-    program = PostureProgram(ready.system, ready.gram, objective)
+    machinery = Machinery(ready)
+    objective, program = machinery.objective, machinery.program
     samples = [closed_postures(ready, i) for i in range(2)]
     bounds = np.concatenate(ready.lower), np.concatenate(ready.upper)
     truth = Truth(cell, {arm.name: list(arm.joint_names) for arm in ready.arms})
     meter = Meter(ready)
     for k in range(20):
         start = np.concatenate([sample[k] for sample in samples])
-        end = program.solve(start, ready.parameters, *bounds)
+        end = program.solve(start, ready.parameters, objective.numbers, *bounds)
         assert end.converged, (k, end.status)
         assert max(end.violations.values()) <= 1e-8
         measured = meter.measure(ready, ready.system.split(end.q))
@@ -159,13 +159,15 @@ def test_directions_and_weights_are_parameters_of_the_program() -> None:
         {"direction": [0.0, 1.0], "weight": 1.3},
     ]
     ready = Cell.of(parse(one))
-    built = PostureProgram(ready.system, ready.gram, objective_of(parse(one)))
-    fresh = PostureProgram(ready.system, ready.gram, objective_of(parse(other)))
+    built, fresh = Machinery(ready), Machinery(Cell.of(parse(other)))
     start = np.concatenate([arm.start for arm in ready.arms])
     bounds = np.concatenate(ready.lower), np.concatenate(ready.upper)
-    first = built.solve(start, ready.parameters, *bounds)
-    built.objective = objective_of(parse(other))
-    ends = [program.solve(start, ready.parameters, *bounds) for program in (built, fresh)]
+    first = built.program.solve(start, ready.parameters, built.objective.numbers, *bounds)
+    numbers = fresh.objective.numbers
+    ends = [
+        machinery.program.solve(start, ready.parameters, numbers, *bounds)
+        for machinery in (built, fresh)
+    ]
     assert np.array_equal(ends[0].q, ends[1].q) and not np.array_equal(first.q, ends[0].q)
 
 
@@ -203,7 +205,7 @@ class TestUnitOfLength:
         for s in (1.0, 30.0):
             problem = parse(self.scaled(cell, s))
             ready = Cell.of(problem)
-            meter, objective = Meter(ready), objective_of(problem)
+            meter, objective = Meter(ready), objective_of(ready)
             rng = np.random.default_rng(0)
             values = []
             for _ in range(40):

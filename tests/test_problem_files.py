@@ -37,6 +37,10 @@ def task(direction: list, weight: float = 1.0, **more: object) -> dict:
     return {"kind": "task-compatibility", "directions": [weighted], **more}
 
 
+def along(direction: list, **more: object) -> dict:
+    return {"kind": "acceleration", "direction": direction} | more
+
+
 SPATIAL = [
     ("object.mas", 1.0, "object.mas: unknown key; did you mean 'mass'?"),
     ("object.mass", None, "object.mass: missing"),
@@ -105,13 +109,19 @@ SPATIAL = [
     ("arms.0.tool", {"mass": 1.0, "com": [0, 0, 0]}, "arms[0].tool.inertia: missing"),
     ("constraints.joint_margin", 1.6, "constraints.joint_margin: 1.6 leaves nothing of the range"),
     ("constraints.joint_margin", -0.1, "constraints.joint_margin: -0.1 must be at least 0"),
-    ("constraints.static_torque", True, "constraints.static_torque: unknown key"),
+    ("constraints.static_torque", 1, "constraints.static_torque: 1 must be true or false"),
+    ("constraints.internal_force", 0, "constraints.internal_force: 0 must be above zero"),
+    ("arms.0.grip", {"force": -1.0}, "arms[0].grip.force: -1.0 must be above zero"),
+    ("arms.0.grip", {"torque": 1.0}, "arms[0].grip.torque: unknown key"),
     ("constraints.collision", True, "constraints.collision: unknown key"),
-    (
-        "objective.kind",
-        "payload",
-        "objective.kind: 'payload' is not allowed here; allowed: 'volume'",
-    ),
+    ("objective.kind", "pay", "objective.kind: 'pay' is not allowed here; allowed: 'volume'"),
+    ("objective", {"kind": "acceleration"}, "objective.direction: one of direction and directions"),
+    ("objective", along([1, 0]), "objective.direction: has 2 entries; 6 are needed"),
+    ("objective", along([1] * 6, directions=[[1] * 6]), "direction and directions, not both"),
+    ("objective", {"kind": "acceleration", "directions": [[1] * 5]}, "directions[0].direction: h"),
+    ("objective", {"kind": "payload", "acceleration": 2.0}, "objective.direction: missing"),
+    ("objective", {"kind": "payload", "direction": [1] * 6}, "objective.acceleration: missing"),
+    ("objective", {"kind": "all-round"}, "objective.axes: mixes linear and angular accelerations"),
     ("objective.kind", "volum", "did you mean 'volume'?"),
     ("objective.axes", ["x", "w"], "objective.axes[1]: 'w' is no coordinate of space 'spatial'"),
     ("objective.axes", ["x", "x"], "objective.axes[1]: 'x' is named twice"),

@@ -1,22 +1,42 @@
-"""What torques can do: the two ellipsoids of a system as expressions, and the Ellipsoid value."""
+"""What torques can do: ellipsoids as expressions and as values, what their limits allow."""
 
+from copose.capability.companions import (
+    ClosedChainVelocity,
+    ExternalForce,
+    internal_force_factor,
+    polar,
+)
 from copose.capability.ellipsoid import Ellipsoid, log_ball_volume
+from copose.capability.exact_set import ExactSet
+from copose.capability.reach import HoldingTorque, TorqueReach
 from copose.capability.resolutions import (
     RESOLUTIONS,
     Resolution,
+    forward_dynamics,
     log_det,
     own_torque_map,
     torque_map,
-    zero_torque_acceleration,
 )
+from copose.capability.sums import Form, Sums, symmetric, upper_triangle
 
 __all__ = [
     "RESOLUTIONS",
+    "ClosedChainVelocity",
     "Ellipsoid",
+    "ExactSet",
+    "ExternalForce",
+    "Form",
+    "HoldingTorque",
     "Resolution",
+    "Sums",
+    "TorqueReach",
+    "forward_dynamics",
+    "internal_force_factor",
     "log_ball_volume",
     "log_det",
     "own_torque_map",
+    "polar",
+    "symmetric",
     "torque_map",
-    "zero_torque_acceleration",
+    "upper_triangle",
 ]

@@ -104,6 +104,21 @@ class Ellipsoid:
         factor = (self.axes / self.radii[:, None])[:, chosen]
         return Ellipsoid.from_factor(factor, self.center[chosen])
 
+    def section(self, indices: Sequence[int]) -> Ellipsoid | None:
+        """The points of this ellipsoid, where it is, whose other coordinates are zero.
+
+        None where there are none. Unlike `sliced` it is smaller the farther off the centre is.
+        """
+        chosen = list(indices)
+        factor = self.axes / self.radii[:, None]
+        offset = factor @ self.center
+        # ‖A_x x − A c‖² = ‖A_x (x − x₀)‖² + what no x takes away.
+        x, *_ = np.linalg.lstsq(factor[:, chosen], offset)
+        left = 1 - float(np.sum((factor[:, chosen] @ x - offset) ** 2))
+        if left <= 0:
+            return None
+        return Ellipsoid.from_factor(factor[:, chosen] / math.sqrt(left), x)
+
 
 def _unit(direction: ArrayLike) -> Array:
     u = np.asarray(direction, dtype=float)

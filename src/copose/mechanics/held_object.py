@@ -42,6 +42,8 @@ class HeldObject:
         quaternion: the same.
         M_o: inertia in the task space, (m, m).
         W: one block per contact, (m, m) each: wrench at contact i on the object's centre of mass.
+        balance: one block per contact, (b, m) each: the same with the moments that forces exert
+            about the centre of mass in the linear spaces too, see `Space.balance`.
         W_pinv: a right inverse of [W_1 … W_K], one block per contact, (m, m) each: how the object's
             wrench is distributed over the contacts.
         inertia: 3×3 about the centre of mass, world axes.
@@ -54,6 +56,7 @@ class HeldObject:
     quaternion: ca.SX
     M_o: ca.SX
     W: tuple[ca.SX, ...]
+    balance: tuple[ca.SX, ...]
     W_pinv: tuple[ca.SX, ...]
     inertia: ca.SX
     contacts: tuple[ca.SX, ...]
@@ -88,6 +91,7 @@ class HeldObject:
         rows = list(space.rows)
         contacts = tuple(rotation @ ca.SX(ca.DM(grasp.position)) for grasp in grasps)
         W = tuple(_grasp_matrix(r)[rows, rows] for r in contacts)
+        balanced = list(space.balance)
         if load_distribution == "nonsqueezing":
             W_pinv = tuple(_grasp_matrix(-r)[rows, rows] / len(contacts) for r in contacts)
         else:
@@ -99,6 +103,7 @@ class HeldObject:
             quaternion=quaternion,
             M_o=full[rows, rows],
             W=W,
+            balance=tuple(_grasp_matrix(r)[balanced, rows] for r in contacts),
             W_pinv=W_pinv,
             inertia=inertia,
             contacts=contacts,

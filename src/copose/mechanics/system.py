@@ -32,16 +32,37 @@ class Goal:
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """How an arm is tied to the object, in the arm's root axes.
+    """How an arm is tied to the object and to the ground, in the arm's root axes.
 
     Attributes:
         motion: X_i with a_i = X_i a_o, the acceleration of the contact, (m, m): W_iᵀ turned.
-        load: Y_i with h_i = Y_i a_o, the arm's share of the object's inertial wrench by W⁺, (m, m):
-            (W⁺)_i M_o turned.
+        share: the contact's part of a wrench on the object by W⁺, (m, m): (W⁺)_i turned.
+        load: Y_i with h_i = Y_i a_o, its part of the object's inertial wrench, (m, m): (W⁺)_i M_o
+            turned.
+        balance: P_i, what a wrench at the contact does to the object, world axes, (b, m): see
+            `HeldObject.balance`.
+        fall: acceleration of free fall, m/s², (3,).
     """
 
     motion: ca.SX
+    share: ca.SX
     load: ca.SX
+    balance: ca.SX
+    fall: ca.SX
+
+    @classmethod
+    def symbols(cls, space: Space) -> Coupling:
+        """Symbols in the place of every entry."""
+        m, b = space.m, len(space.balance)
+        shapes = {
+            "motion": (m, m), "share": (m, m), "load": (m, m), "balance": (b, m), "fall": (3, 1),
+        }  # fmt: skip
+        return cls(**{name: ca.SX.sym(name, *shape) for name, shape in shapes.items()})
+
+    def stacked(self, names: Sequence[str]) -> ca.SX:
+        """Entries of the named parts, column by column."""
+        stack: ca.SX = ca.vertcat(*(ca.vec(ca.densify(getattr(self, name))) for name in names))
+        return stack
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +134,11 @@ class ArmMechanics:
 
     def gravity_torques(self, gravity: Array | ca.SX) -> ca.SX:
         """Torques that hold the arm, (n,); gravity in world axes, m/s²."""
-        return gravity_torques(self.chain, constant(self.arm.base.rotation.T) @ gravity)
+        return self.weight_torques(constant(self.arm.base.rotation.T) @ gravity)
+
+    def weight_torques(self, fall: ca.SX) -> ca.SX:
+        """The same for an acceleration of free fall in root axes, see `Coupling`."""
+        return gravity_torques(self.chain, fall)
 
     def velocity_torques(self, speed: ca.SX) -> ca.SX:
         """Coriolis and centrifugal torques Ṁq̇ − ½ ∂(q̇ᵀMq̇)/∂q at joint speeds q̇, (n,)."""
@@ -148,15 +173,21 @@ class System:
         space: the task space.
         arms: one arm's expressions each, in file order.
         object: the object's.
+        gravity: acceleration of free fall, world axes, m/s², (3,).
     """
 
     space: Space
     arms: tuple[ArmMechanics, ...]
     object: HeldObject
+    gravity: Array
 
     @classmethod
     def of(
-        cls, space: Space, arms: Sequence[Arm], load_distribution: str = "moore-penrose"
+        cls,
+        space: Space,
+        arms: Sequence[Arm],
+        load_distribution: str = "moore-penrose",
+        gravity: Array | None = None,
     ) -> System:
         """The system of these arms in a task space, see `HeldObject.held_at`.
 
@@ -167,7 +198,8 @@ class System:
         for i, expression in enumerate(expressions):
             _check_mass_matrix(expression, f"arms[{i}]")
         grasps = [arm.grasp for arm in arms]
-        return cls(space, expressions, HeldObject.held_at(space, grasps, load_distribution))
+        held = HeldObject.held_at(space, grasps, load_distribution)
+        return cls(space, expressions, held, np.zeros(3) if gravity is None else gravity)
 
     @property
     def q(self) -> ca.SX:
@@ -190,9 +222,16 @@ class System:
         )
 
     def coupling(self, i: int) -> Coupling:
-        """How arm i is tied to the object."""
-        turn, held = self.arms[i].R_world_root.T, self.object
-        return Coupling(turn @ held.W[i].T, turn @ held.W_pinv[i] @ held.M_o)
+        """How arm i is tied to the object and to the ground."""
+        arm, held = self.arms[i], self.object
+        turn = arm.R_world_root.T
+        return Coupling(
+            motion=turn @ held.W[i].T,
+            share=turn @ held.W_pinv[i],
+            load=turn @ held.W_pinv[i] @ held.M_o,
+            balance=held.balance[i] @ turn.T,
+            fall=constant(arm.arm.base.rotation.T @ self.gravity),
+        )
 
     def pose_error(self, i: int) -> tuple[ca.SX, ca.SX]:
         """`ArmMechanics.pose_error` of arm i at its grasp."""

@@ -54,8 +54,8 @@ def answer(
         objective=ObjectiveRecord(
             kind=objective.kind,
             unit=objective.unit,
-            before=_value(objective, before),
-            after=_value(objective, after),
+            before=None if before is None else before.value,
+            after=None if after is None else after.value,
         ),
         joint_names={arm.name: arm.joint_names for arm in cell.arms},
         unlimited={arm.name: cell.unlimited(i) for i, arm in enumerate(cell.arms)},
@@ -65,12 +65,6 @@ def answer(
         search=search,
         timing=timing,
     )
-
-
-def _value(objective: Objective, measured: Measurement | None) -> float | None:
-    if measured is None or measured.ellipsoid is None:
-        return None
-    return objective.of(measured.ellipsoid)
 
 
 def _open(measured: Measurement) -> Posture:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from copose.capability import Resolution
+from copose.capability import Sums, upper_triangle
 from copose.kernels import Kernel
 from copose.mechanics import ArmMechanics, Coupling, Goal, System
 from copose.poses import Array
@@ -31,9 +31,8 @@ class ArmKernels:
             norm of the residual there, (n + 1,).
         closure: of q and a goal: residual, (m,), and its derivative row by row, (m·n,).
         gap: of q and a goal: position error, (3,), and quaternion of the angle error, (4,).
-        terms: of q and a coupling: what the arm adds to the sums that G is made of, the upper
-            triangles, (s,).
-        local: of (q, weights), a goal and a coupling: the terms, the derivative of the closure row
+        terms: of q and a tie: what the arm adds to the sums, (s,).
+        local: of (q, weights), a goal and a tie: the terms, the derivative of the closure row
             by row, and ∇_q of weightsᵀ terms, (s + m·n + n,).
     """
 
@@ -46,19 +45,15 @@ class ArmKernels:
     local: Kernel
 
     @classmethod
-    def of(cls, arm: ArmMechanics, resolution: Resolution) -> ArmKernels:
-        """Write down the kernels of an arm."""
+    def of(cls, arm: ArmMechanics, sums: Sums) -> ArmKernels:
+        """Write down the kernels of an arm, for what is summed over the arms."""
         q, m, n = arm.q, arm.space.m, arm.arm.n
         goal = Goal(ca.SX.sym("position", 3), ca.SX.sym("quaternion", 4))
         place = ca.vertcat(goal.position, goal.quaternion)
         residual = arm.closure(goal)
         J = ca.jacobian(residual, q)
         lower, upper = ca.SX.sym("lower", n), ca.SX.sym("upper", n)
-        coupling = Coupling(ca.SX.sym("X", m, m), ca.SX.sym("Y", m, m))
-        scale = ca.SX.sym("scale", n)
-        tied = ca.vertcat(ca.vec(coupling.motion), ca.vec(coupling.load), scale)
-        parts = resolution.arm_terms(arm, coupling, scale)
-        terms = ca.vertcat(*(upper_triangle(part) for part in parts))
+        tied, terms = _terms(arm, sums)
         weights = ca.SX.sym("weights", terms.numel())
         slope = ca.gradient(ca.dot(weights, terms), q)
         limits = ca.vertcat(lower, upper)
@@ -92,20 +87,18 @@ class ArmKernels:
         return values[:, : self.m], values[:, self.m :].reshape(-1, self.m, self.n)
 
 
-def upper_triangle(matrix: ca.SX) -> ca.SX:
-    """Entries of a symmetric matrix on and above the diagonal, row by row."""
-    a = matrix.shape[0]
-    return ca.vertcat(*(matrix[i, j] for i in range(a) for j in range(i, a)))
+def terms_kernel(arm: ArmMechanics, sums: Sums) -> Kernel:
+    """Of q and a tie: what an arm adds to some sums, (s,)."""
+    tied, terms = _terms(arm, sums)
+    return Kernel(arm.q, tied, terms)
 
 
-def symmetric(entries: ca.SX, a: int) -> ca.SX:
-    """The symmetric matrix, (a, a), of its `upper_triangle`."""
-    matrix, k = ca.SX(a, a), 0
-    for i in range(a):
-        for j in range(i, a):
-            matrix[i, j] = matrix[j, i] = entries[k]
-            k += 1
-    return matrix
+def _terms(arm: ArmMechanics, sums: Sums) -> tuple[ca.SX, ca.SX]:
+    """The tie and the terms."""
+    coupling = Coupling.symbols(arm.space)
+    scale = ca.SX.sym("scale", arm.arm.n)
+    terms = ca.vertcat(*sums.arm_terms(arm, coupling, scale))
+    return ca.vertcat(coupling.stacked(sums.uses), scale), terms
 
 
 def _closing_step(q: ca.SX, lower: ca.SX, upper: ca.SX, residual: ca.SX, J: ca.SX) -> ca.SX:
@@ -137,7 +130,7 @@ class Placement:
 
     Attributes:
         goals: by arm, tip position and quaternion in its root frame, (7,).
-        ties: by arm, coupling and torque scale, (2m² + n,).
+        ties: by arm, what of its coupling enters the sums, and the torque scale.
         inertia: upper triangle of M_o.
     """
 
@@ -149,14 +142,14 @@ class Placement:
 class Placer:
     """Turns the object's parameters into what the kernels take, by a kernel of its own."""
 
-    def __init__(self, system: System, scales: Sequence[Array]) -> None:
+    def __init__(self, system: System, sums: Sums, scales: Sequence[Array]) -> None:
         """Write down what does it."""
         parts = [upper_triangle(system.object.M_o)]
         for i in range(len(system.arms)):
             goal, coupling = system.goal(i), system.coupling(i)
             parts += [
                 ca.vertcat(goal.position, goal.quaternion),
-                ca.vertcat(ca.vec(coupling.motion), ca.vec(coupling.load)),
+                coupling.stacked(sums.uses),
             ]
         self._scales = scales
         self._edges = np.cumsum([part.numel() for part in parts])[:-1]

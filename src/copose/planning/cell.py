@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -14,7 +13,7 @@ from copose.capability import RESOLUTIONS, Resolution
 from copose.errors import InputError, nearest
 from copose.mechanics import System, object_parameters
 from copose.poses import Array, Mask
-from copose.problem import Problem, moved
+from copose.problem import ConstraintsSpec, Problem, moved
 from copose.robots import Arm, load_arms
 
 
@@ -51,8 +50,10 @@ class Cell:
         """
         arms = load_arms(problem)
         try:
-            system = System.of(problem.space, arms, problem.ellipsoid.load_distribution)
+            fall = np.array([*problem.world.gravity, 0.0])[:3]
+            system = System.of(problem.space, arms, problem.ellipsoid.load_distribution, fall)
             scales = _torque_scales(problem, arms)
+            _check_limits(problem, arms)
         except InputError as error:
             raise InputError(error.message, key=error.key, file=problem.source) from None
         margin = problem.constraints.joint_margin
@@ -72,7 +73,7 @@ class Cell:
         """Acceleration of free fall that the ellipsoid's centre counts, world axes, (3,)."""
         if not self.problem.ellipsoid.gravity:
             return np.zeros(3)
-        return np.array([*self.problem.world.gravity, 0.0])[:3]
+        return self.system.gravity
 
     @property
     def velocity(self) -> Array:
@@ -80,11 +81,13 @@ class Cell:
         given = self.problem.object.velocity
         return np.zeros(self.problem.space.m) if given is None else np.array(given)
 
-    @property
-    def gram(self) -> ca.SX:
-        """G of the ellipsoid that is asked for, its slice by ``axes``, (a, a)."""
-        axes = list(self.problem.axes)
-        return self.resolution.system_gram(self.system, self.scales)[axes, axes]
+    @cached_property
+    def torque_limits(self) -> tuple[Array, ...] | None:
+        """The torque limits by arm, (n_i,); None where a joint has none."""
+        try:
+            return _torque_limits(self.arms, "")
+        except InputError:
+            return None
 
     def folded(self, i: int, q: Array) -> Array:
         """Positions of arm i, (..., n), moved by whole turns into the limits, or near them.
@@ -160,6 +163,11 @@ class Cell:
         problem = moved(self.problem, place)
         return replace(self, problem=problem, parameters=_parameters(problem))
 
+    def under(self, constraints: ConstraintsSpec) -> Cell:
+        """The same cell with other constraints than the file's."""
+        problem = self.problem.model_copy(update={"constraints": constraints})
+        return replace(self, problem=problem)
+
     def unlimited(self, i: int) -> tuple[str, ...]:
         """Names of the revolute joints of arm i that have no limits."""
         return tuple(
@@ -227,13 +235,30 @@ def _torque_scales(problem: Problem, arms: Sequence[Arm]) -> tuple[Array, ...]:
     """T by arm: ones, or the torque limits."""
     if problem.ellipsoid.torque_scaling == "unit":
         return tuple(np.ones(arm.n) for arm in arms)
+    return _torque_limits(arms, "torque_scaling = 'limits'")
+
+
+def _torque_limits(arms: Sequence[Arm], what: str) -> tuple[Array, ...]:
+    """The torque limits by arm, for something that needs them.
+
+    Raises:
+        InputError: a joint has none.
+    """
     for i, arm in enumerate(arms):
         for joint in arm.joints:
             if not 0 < joint.effort < np.inf:
                 has = "is 0" if joint.effort == 0 else "has none"
                 raise InputError(
-                    "torque_scaling = 'limits' needs a torque limit on every joint; "
-                    f"{joint.name!r} {has}",
+                    f"{what} needs a torque limit on every joint; {joint.name!r} {has}",
                     key=f"arms[{i}].torque_limits",
                 )
     return tuple(np.array([joint.effort for joint in arm.joints]) for arm in arms)
+
+
+def _check_limits(problem: Problem, arms: Sequence[Arm]) -> None:
+    """Refuse what needs torque limits where there are none."""
+    kind = problem.objective.kind
+    if kind in ("acceleration", "payload", "all-round"):
+        _torque_limits(arms, f"objective {kind!r}")
+    if problem.constraints.static_torque:
+        _torque_limits(arms, "static_torque")

@@ -12,7 +12,6 @@ from copose.planning.answering import answer
 from copose.planning.cell import Cell
 from copose.planning.measuring import Measurement, Meter
 from copose.planning.notes import margin_notes
-from copose.planning.objectives import objective_of
 from copose.poses import Array
 from copose.problem import Problem
 from copose.results import EllipsoidRecord, Posture, Solution, Timing
@@ -39,11 +38,11 @@ def evaluate(problem: Problem, joints: Mapping[str, Sequence[float]] | None = No
     q = _starts(cell) if joints is None else cell.given(joints)
     meter = Meter(cell)
     built = time.perf_counter()
-    measured = meter.measure(cell, q)
+    measured = meter.measure(cell, q, everything=True)
     fault = next(_faults(cell, q, measured), None)
     return answer(
         cell,
-        objective_of(problem),
+        meter.objective,
         status="solved" if fault is None else "infeasible",
         reason=fault,
         notes=margin_notes(cell, q),
@@ -89,21 +88,21 @@ def verify(problem: Problem, solution: Solution) -> tuple[str, ...]:
     """
     cell = Cell.of(problem)
     meter = Meter(cell)
-    objective = objective_of(problem)
+    objective = meter.objective
     wrong = []
     for when in ("before", "after"):
         stated: Posture | None = getattr(solution, when)
         if stated is None:
             continue
         joints = cell.given(stated.joints)
-        measured = meter.measure(cell, joints)
+        measured = meter.measure(cell, joints, everything="companions" in stated.model_fields_set)
         wrong += [f"{when}: {fault}" for fault in _faults(cell, joints, measured)]
         wrong += [f"{when}: {key}" for key in _differences(stated, measured.posture)]
         if (solution.objective.kind, solution.objective.unit) != (objective.kind, objective.unit):
             wrong.append(f"the objective is {objective.kind}, in {objective.unit}")
         value = getattr(solution.objective, when)
-        if measured.ellipsoid is not None and not _near(value, objective.of(measured.ellipsoid)):
-            wrong.append(f"{when}: the objective is {objective.of(measured.ellipsoid)!r}")
+        if measured.value is not None and not _near(value, measured.value):
+            wrong.append(f"{when}: the objective is {measured.value!r}")
     return tuple(wrong)
 
 

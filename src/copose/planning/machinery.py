@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from copose import kernels
-from copose.planning.arm_kernels import ArmKernels, Placement, Placer
+from copose.capability import HoldingTorque
+from copose.capability.torque_limits import Demand
+from copose.kernels import Kernel
+from copose.planning.aims import objective_of
+from copose.planning.arm_kernels import ArmKernels, Placement, Placer, terms_kernel
+from copose.planning.capacity import HELD, Capacity, Holding
 from copose.planning.cell import Cell
+from copose.planning.limits_measures import LimitsMeasure
 from copose.planning.measuring import Measures, Meter, closure_errors
-from copose.planning.objectives import Objective, objective_of
+from copose.planning.objectives import EllipsoidMeasure, Objective
 from copose.planning.polishing import Crew, Polisher
-from copose.planning.program import PostureProgram
+from copose.planning.program import LocalSolve, PostureProgram
 from copose.planning.screening import Score
-from copose.poses import Array
+from copose.poses import Array, Mask
 
 # s
 _LOOK_AGAIN = 0.5
+# Solves after the first in which demands that a program left out join it.
+_EXCHANGES = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +38,13 @@ class Setting:
     Attributes:
         cell: the object's pose is its problem's.
         placement: of the object, as the arms' kernels take it.
-        given: M_o and the objective's numbers, as the score's kernels take them.
+        given: M_o, the object's weight and the objective's numbers, as the score's kernels take
+            them.
         lower: joint limits by arm; infinite for joints that can turn all the way, which have none.
         upper: alike.
+        numbers: parameters of the objective.
+        holding: how the object is held, where torque limits matter.
+        held_ties: what the kernels of `HoldingTorque` take, by arm.
     """
 
     cell: Cell
@@ -40,6 +52,9 @@ class Setting:
     given: Array
     lower: tuple[Array, ...]
     upper: tuple[Array, ...]
+    numbers: Array
+    holding: Holding | None
+    held_ties: tuple[Array, ...]
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -56,30 +71,70 @@ class Machinery:
         arms: kernels by arm; arms of one model share them.
         score: of the sums of the arms' terms.
         meter: measures what is reported.
-        smooth: whether the score is the objective itself.
+        capacity: what torque limits allow, where they matter.
+        static: whether arms at rest must hold the object within their torque limits.
+        newton: whether Newton steps climb the score.
+        smooth: whether the score is then the objective itself.
+        dear: whether a climb takes many programs.
     """
 
-    def __init__(self, cell: Cell) -> None:
-        """Build what a search needs; the posture program follows when it is asked for."""
+    def __init__(self, cell: Cell, objective: Objective | None = None) -> None:
+        """Build what a search needs; the posture program follows when it is asked for.
+
+        Args:
+            cell: what is searched.
+            objective: in place of the problem's.
+        """
         self.cell = cell
-        self.objective: Objective = objective_of(cell.problem)
+        self.objective: Objective = objective_of(cell) if objective is None else objective
+        self.static = cell.problem.constraints.static_torque
+        self.capacity = None
+        if isinstance(self.objective, LimitsMeasure) or self.static:
+            assert cell.torque_limits is not None
+            self.capacity = Capacity(cell, cell.torque_limits)
         models: dict[bytes, ArmKernels] = {}
+        held: dict[bytes, Kernel] = {}
         for arm, mechanics in zip(cell.arms, cell.system.arms, strict=True):
             if arm.fingerprint not in models:
-                models[arm.fingerprint] = ArmKernels.of(mechanics, cell.resolution)
+                models[arm.fingerprint] = ArmKernels.of(mechanics, self.objective.sums)
+                if self.static:
+                    held[arm.fingerprint] = terms_kernel(mechanics, HoldingTorque())
         self.arms = tuple(models[arm.fingerprint] for arm in cell.arms)
-        self.score = Score(cell.system, cell.resolution, self.objective, cell.problem.axes)
-        self.meter = Meter(cell)
-        self.smooth = self.score.smooth
-        self._placer = Placer(cell.system, cell.scales)
+        self._held = tuple(held[arm.fingerprint] for arm in cell.arms) if held else ()
+        self._placer = Placer(cell.system, self.objective.sums, self.objective.scales)
+        self._held_placer = None
+        if self.static and cell.torque_limits is not None:
+            self._held_placer = Placer(cell.system, HoldingTorque(), cell.torque_limits)
+        self._nominal, numbers = self._numbers_of(cell)
+        self._numbers = len(numbers)
+        self.score = Score(cell, self.objective, self._numbers)
+        self.meter = Meter(cell, self.objective, self.capacity)
+        self.newton = isinstance(self.objective, EllipsoidMeasure)
+        self.smooth = isinstance(self.objective, EllipsoidMeasure) and not self.objective.kinked
+        self.dear = isinstance(self.objective, LimitsMeasure) and self.objective.dear
         self._looked: float | None = None
         own = [kernel for model in models.values() for kernel in model.all]
-        self._kernels = (*own, *self.score.all, self._placer.kernel)
+        self._kernels = (*own, *held.values(), *self.score.all, self._placer.kernel)
+        if self.capacity is not None:
+            self._kernels += self.capacity.kernels
+
+    def _numbers_of(self, cell: Cell) -> tuple[Holding | None, Array]:
+        """How the object of a cell is held, and the objective's parameters there."""
+        holding = None if self.capacity is None else self.capacity.holding(cell)
+        if isinstance(self.objective, EllipsoidMeasure):
+            return holding, self.objective.numbers
+        assert isinstance(self.objective, LimitsMeasure) and holding is not None
+        return holding, self.objective.numbers(self.objective.demands(holding))
 
     @cached_property
     def program(self) -> PostureProgram:
         """The posture program, for IPOPT."""
-        return PostureProgram(self.cell.system, self.cell.gram, self.objective)
+        bounds = None if self.capacity is None else self.capacity.bounds
+        numbers = self._numbers
+        if isinstance(self.objective, LimitsMeasure) and self._nominal is not None:
+            demands = self.objective.demands(self._nominal)[: self.objective.programmed]
+            numbers = len(self.objective.numbers(demands))
+        return PostureProgram(self.cell, self.objective, numbers, bounds)
 
     def compiled(self, *, wait: bool = False) -> bool:
         """Whether compiled kernels are in use; what is missing is compiled, see `kernels.build`."""
@@ -101,16 +156,23 @@ class Machinery:
     def setting(self, cell: Cell) -> Setting:
         """A cell of these arms, for the kernels."""
         placement = self._placer(cell.parameters)
+        holding, numbers = self._numbers_of(cell)
+        weight = np.zeros(len(cell.system.space.balance)) if holding is None else holding.weight
         turns = [cell.turns(i) for i in range(len(cell.arms))]
         return Setting(
             cell=cell,
             placement=placement,
-            given=np.concatenate([placement.inertia, self.objective.numbers]),
+            given=np.concatenate([placement.inertia, weight, numbers]),
             lower=tuple(
                 np.where(t, -np.inf, low) for t, low in zip(turns, cell.lower, strict=True)
             ),
             upper=tuple(
                 np.where(t, np.inf, high) for t, high in zip(turns, cell.upper, strict=True)
+            ),
+            numbers=numbers,
+            holding=holding,
+            held_ties=(
+                () if self._held_placer is None else self._held_placer(cell.parameters).ties
             ),
         )
 
@@ -142,8 +204,15 @@ class Machinery:
             )
         return Polisher(crews, self.score, setting.given, rest)
 
-    def grams(self, setting: Setting, q: Sequence[Array]) -> Array:
-        """G of postures, by arm (count, n_i), as it is optimised, (count, a, a)."""
+    def terms(self, setting: Setting, i: int, q: Array) -> Array:
+        """What arm i adds to the sums that postures are compared by, (count, s), at (count, n)."""
+        own = self.arms[i].terms(q, setting.placement.ties[i])
+        return np.hstack([own, self._held[i](q, setting.held_ties[i])]) if self._held else own
+
+    def grams(self, setting: Setting, q: Sequence[Array]) -> Array | None:
+        """G of postures, by arm (count, n_i), as it is optimised, (count, a, a); or None."""
+        if self.score.gram is None:
+            return None
         ties = setting.placement.ties
         sums = sum(arm.terms(mine, tie) for arm, mine, tie in zip(self.arms, q, ties, strict=True))
         entries = self.score.gram(np.asarray(sums), setting.given)
@@ -155,14 +224,84 @@ class Machinery:
 
     def objectives(self, setting: Setting, q: Array) -> Array:
         """The objective at postures, (count, N); NaN or −inf where there is none."""
-        edges = np.cumsum([arm.n for arm in self.arms])[:-1]
-        return self._objectives(self.grams(setting, np.split(q, edges, axis=1)))
+        parts = self.split(q)
+        return self._objectives(setting, parts, self.grams(setting, parts))
 
-    def _objectives(self, grams: Array) -> Array:
-        values = np.full(len(grams), np.nan)
-        sound = np.isfinite(grams).all(axis=(1, 2))
-        values[sound] = self.objective.of_grams(grams[sound])
-        return values
+    def split(self, q: Array) -> list[Array]:
+        """Stacked postures, (count, N), arm by arm."""
+        edges = np.cumsum([arm.n for arm in self.arms])[:-1]
+        return np.split(q, edges, axis=1)
+
+    def _objectives(self, setting: Setting, q: Sequence[Array], grams: Array | None) -> Array:
+        objective = self.objective
+        if isinstance(objective, EllipsoidMeasure):
+            assert grams is not None
+            values = np.full(len(grams), np.nan)
+            sound = np.isfinite(grams).all(axis=(1, 2))
+            values[sound] = objective.of_grams(grams[sound])
+            return values
+        assert isinstance(objective, LimitsMeasure)
+        assert self.capacity is not None and setting.holding is not None
+        return objective.exact(self.capacity, setting.cell, setting.holding, q)
+
+    def estimates(self, setting: Setting, q: Array) -> Array:
+        """The objective at postures, (count, N), or a bound of it that is quicker."""
+        if not isinstance(self.objective, LimitsMeasure):
+            return self.objectives(setting, q)
+        assert self.capacity is not None and setting.holding is not None
+        return self.objective.estimates(self.capacity, setting.holding, self.split(q))
+
+    def shares(self, setting: Setting, q: Array) -> Array:
+        """The largest share of a torque limit with which postures hold the object, (count,)."""
+        assert self.capacity is not None and setting.holding is not None
+        dynamics = self.capacity.dynamics(setting.holding, self.split(q))
+        return dynamics.shares(setting.holding.hold)
+
+    def held(self, setting: Setting, q: Array) -> Mask:
+        """Which postures, (count, N), hold the object as ``static_torque`` asks, (count,)."""
+        if not self.static:
+            return np.ones(len(q), dtype=bool)
+        return np.asarray(self.shares(setting, q) <= 1 + HELD)
+
+    def solve_programs(self, setting: Setting, q: Array) -> Iterator[LocalSolve]:
+        """Runs of IPOPT from postures, (count, N)."""
+        objective, holding = self.objective, setting.holding
+        if self.capacity is None or holding is None or not isinstance(objective, LimitsMeasure):
+            yield from self._programs(setting, q, None)
+            return
+        demands = objective.nearest(self.capacity, setting.cell, holding, self.split(q))
+        for end, wanted in zip(self._programs(setting, q, demands), demands, strict=True):
+            for _ in range(_EXCHANGES if end.converged else 0):
+                parts = self.split(end.q[None])
+                more = objective.tightened(self.capacity, setting.cell, holding, parts, wanted)
+                if more is None:
+                    break
+                again = next(self._programs(setting, end.q[None], [more]))
+                if not again.converged:
+                    break
+                end, wanted = again, more
+            yield end
+
+    def _programs(
+        self, setting: Setting, q: Array, demands: Sequence[Sequence[Demand]] | None
+    ) -> Iterator[LocalSolve]:
+        """The same with the demands of each start, where the objective has some."""
+        objective, holding = self.objective, setting.holding
+        numbers, beside = [setting.numbers] * len(q), [np.zeros((len(q), 0))]
+        if self.capacity is not None and holding is not None:
+            parts = self.split(q)
+            if isinstance(objective, LimitsMeasure) and demands is not None:
+                numbers = [objective.numbers(wanted) for wanted in demands]
+                beside.append(objective.starts(self.capacity, holding, parts, demands))
+            if self.static:
+                dynamics = self.capacity.dynamics(holding, parts)
+                beside.append(dynamics.resting(holding.hold))
+        for start, given, more in zip(q, numbers, np.hstack(beside), strict=True):
+            if np.all(np.isfinite(more)):
+                place = setting.cell.parameters
+                yield self.program.solve(start, place, given, *setting.bounds, more)
+            else:
+                yield LocalSolve(start, False, "Singular_Start", {})
 
     def measures(self, setting: Setting, q: Sequence[Array]) -> Measures:
         """What postures are worth, by arm (count, n_i)."""
@@ -174,4 +313,5 @@ class Machinery:
             gaps = kernels_.gap(mine, setting.placement.goals[i])
             errors[arm.name] = closure_errors(gaps[:, list(space.linear)], gaps[:, 3:], space.rigid)
         grams = self.grams(setting, q)
-        return Measures(self._objectives(grams), grams, errors)
+        share = self.shares(setting, np.hstack(q)) if self.static else None
+        return Measures(self._objectives(setting, q, grams), grams, errors, share)

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from copose.capability import RESOLUTIONS, Ellipsoid, zero_torque_acceleration
-from copose.kernels import Kernel
+from copose.capability import RESOLUTIONS, Ellipsoid, forward_dynamics
+from copose.planning.aims import objective_of
+from copose.planning.allowances import Allowance, Allowances
+from copose.planning.capacity import Capacity
 from copose.planning.cell import Cell
+from copose.planning.companions import Companions
+from copose.planning.limits_measures import LimitsMeasure
+from copose.planning.objectives import EllipsoidMeasure, Objective
+from copose.planning.parts import Parts, ellipsoid_of, sliced
 from copose.poses import Array
 from copose.results import ArmRecord, EllipsoidRecord, Posture, matrix, place, vector
 
@@ -26,11 +33,13 @@ class Measurement:
     Attributes:
         posture: the record of a result.
         ellipsoid: the system's, None where its volume is zero.
+        value: the objective's, None where there is none.
         notes: why numbers are missing.
     """
 
     posture: Posture
     ellipsoid: Ellipsoid | None
+    value: float | None
     notes: tuple[str, ...]
 
 
@@ -40,25 +49,44 @@ class Measures:
 
     Attributes:
         objective: the problem's, (count,).
-        gram: G of the ellipsoid that is asked for, (count, a, a).
+        gram: G of the ellipsoid that the objective measures, (count, a, a); None where torque
+            limits decide it.
         closure_error: by arm, the larger of a tip's position error, m, and angle error, rad, in the
             linear spaces the position error, (count,).
+        share: of a torque limit, the largest at its least, with which arms at rest hold the object,
+            (count,); None where ``static_torque`` does not ask for it.
     """
 
     objective: Array
-    gram: Array
+    gram: Array | None
     closure_error: dict[str, Array]
+    share: Array | None = None
 
 
 class Meter:
-    """Measures postures of one cell; built once, used for every number of a result."""
+    """Measures postures of one cell; built once, used for every number of a result.
 
-    def __init__(self, cell: Cell) -> None:
-        """Build the functions that evaluate a posture."""
+    Attributes:
+        objective: the problem's.
+    """
+
+    def __init__(
+        self, cell: Cell, objective: Objective | None = None, capacity: Capacity | None = None
+    ) -> None:
+        """Build the functions that evaluate a posture.
+
+        Args:
+            cell: whose postures are measured.
+            objective: what `objective_of` the cell is, if that is built already.
+            capacity: what torque limits allow, alike.
+        """
+        self._cell = cell
+        self.objective = objective_of(cell) if objective is None else objective
+        self._capacity = capacity
         system = cell.system
         place = system.object.parameters
         self._arms = [
-            _Parts(
+            Parts(
                 arm.q,
                 place,
                 [
@@ -71,21 +99,43 @@ class Meter:
             for i, (arm, scale) in enumerate(zip(system.arms, cell.scales, strict=True))
         ]
         gravity, velocity = ca.SX.sym("gravity", 3), ca.SX.sym("velocity", system.space.m)
-        self._factors = _Parts(
+        self._factors = Parts(
             system.q, place, [kind.factor(system, cell.scales) for kind in RESOLUTIONS.values()]
         )
-        self._center = _Parts(
+        self._center = Parts(
             system.q,
             ca.vertcat(place, gravity, velocity),
-            [zero_torque_acceleration(system, gravity, velocity)],
+            [forward_dynamics(system, gravity, velocity)[1]],
         )
+        self._form = None
+        measure = self.objective
+        if isinstance(measure, EllipsoidMeasure) and measure.form is not cell.resolution:
+            factor = measure.form.factor(system, measure.scales)
+            self._form = Parts(system.q, place, [factor])
 
-    def measure(self, cell: Cell, joints: Sequence[Array]) -> Measurement:
-        """The ellipsoids, the closure and the skeletons of a posture.
+    @cached_property
+    def _allowance(self) -> Allowance | None:
+        """None where a joint has no torque limit."""
+        if self._cell.torque_limits is None:
+            return None
+        capacity = self._capacity
+        if capacity is None:
+            capacity = Capacity(self._cell, self._cell.torque_limits)
+        return Allowance(self._cell, self.objective, capacity)
+
+    @cached_property
+    def _companions(self) -> Companions:
+        return Companions(self._cell)
+
+    def measure(
+        self, cell: Cell, joints: Sequence[Array], *, everything: bool = False
+    ) -> Measurement:
+        """The ellipsoids, the closure and the skeletons of a posture, and what limits allow.
 
         Args:
             cell: with the object where it is.
             joints: positions by arm, (n_i,) each.
+            everything: whether what the problem does not ask for is stated too.
         """
         m, rows, pose = (
             cell.system.space.m, list(cell.system.space.linear), cell.problem.object.pose,
@@ -100,7 +150,7 @@ class Meter:
                 notes.append(
                     f"volume 0: the Jacobian of arm {arm.name!r} has rank {rank} of {m} here"
                 )
-            single = _ellipsoid(own) if rank == m else None
+            single = ellipsoid_of(own) if rank == m else None
             records[arm.name] = ArmRecord(
                 skeleton=matrix(skeleton.T),
                 grasp=vector((pose @ arm.grasp).position),
@@ -113,7 +163,7 @@ class Meter:
                 notes.append(
                     "volume unknown: the equations of motion are singular to working precision"
                 )
-            ellipsoids = {name: _sliced(cell, each) for name, each in whole.items()}
+            ellipsoids = {name: sliced(cell, each) for name, each in whole.items()}
             # Whether the object can be kept at rest is a question for all of its coordinates, and
             # not for least-norm rules.
             optimal = whole["torque-optimal"]
@@ -123,6 +173,8 @@ class Meter:
                     "object from accelerating"
                 )
         ellipsoid = ellipsoids[cell.resolution.name]
+        allowed = self._allowed(cell, joints, everything)
+        notes += allowed.notes
         posture = Posture(
             joints={arm.name: vector(q) for arm, q in zip(cell.arms, joints, strict=True)},
             object=place(pose, cell.problem.space.planar),
@@ -133,8 +185,33 @@ class Meter:
                 for name, each in ellipsoids.items()
             },
             arms=records,
+            **allowed.keys,
         )
-        return Measurement(posture, ellipsoid, tuple(notes))
+        value = allowed.value
+        if isinstance(self.objective, EllipsoidMeasure) and ellipsoid is not None:
+            measured = ellipsoid
+            if self._form is not None:
+                (factor,) = self._form(np.concatenate(joints), cell.parameters)
+                measured = sliced(cell, ellipsoid_of(factor)) or measured
+            value = self.objective.of(measured)
+        return Measurement(posture, ellipsoid, value, tuple(notes))
+
+    def _allowed(self, cell: Cell, joints: Sequence[Array], everything: bool) -> Allowances:
+        if not everything:
+            asks = isinstance(self.objective, LimitsMeasure)
+            asks |= cell.problem.constraints.static_torque
+            if not asks or self._allowance is None:
+                return Allowances()
+            return self._allowance.asked(cell, joints)
+        if self._allowance is None:
+            found = Allowances(
+                keys=dict.fromkeys(("payload", "static_torque", "residual_radius", "wrenches")),
+                notes=["what torque limits allow is unknown: not every joint has one"],
+            )
+        else:
+            found = self._allowance.all(cell, joints)
+        found.keys["companions"] = self._companions.of(cell, joints)
+        return found
 
     def _ellipsoids(self, cell: Cell, joints: Sequence[Array]) -> dict[str, Ellipsoid | None]:
         """The system's ellipsoid by each resolution, in all coordinates of the task."""
@@ -145,30 +222,9 @@ class Meter:
             moving = np.concatenate([cell.parameters, cell.gravity, cell.velocity])
             center = self._center(q, moving)[0].ravel()
         return {
-            name: _ellipsoid(factor, center)
+            name: ellipsoid_of(factor, center)
             for name, factor in zip(RESOLUTIONS, factors, strict=True)
         }
-
-
-def _sliced(cell: Cell, ellipsoid: Ellipsoid | None) -> Ellipsoid | None:
-    axes = cell.problem.axes
-    if ellipsoid is None or axes == tuple(range(cell.system.space.m)):
-        return ellipsoid
-    return ellipsoid.sliced(axes)
-
-
-class _Parts:
-    """Several expressions of a posture, (n,), and of parameters, as numbers."""
-
-    def __init__(self, q: ca.SX, parameters: ca.SX, parts: Sequence[ca.SX]) -> None:
-        self._shapes = [part.shape for part in parts]
-        self._edges = np.cumsum([part.numel() for part in parts])[:-1]
-        together = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
-        self._kernel = Kernel(q, parameters, together)
-
-    def __call__(self, q: Array, parameters: Array) -> list[Array]:
-        values = np.split(self._kernel(q[None], parameters)[0], self._edges)
-        return [x.reshape(shape, order="F") for x, shape in zip(values, self._shapes, strict=True)]
 
 
 def closure_errors(gap: Array, turn: Array, rigid: bool) -> Array:
@@ -187,11 +243,3 @@ def closure_errors(gap: Array, turn: Array, rigid: bool) -> Array:
 def _rank(J: Array) -> int:
     values = np.linalg.svd(J, compute_uv=False)
     return int(np.sum(values > RANK_TOLERANCE * max(values[0], 1e-300)))
-
-
-def _ellipsoid(factor: Array, center: Array | None = None) -> Ellipsoid | None:
-    """The ellipsoid of a factor, or None where it is singular to working precision."""
-    try:
-        return Ellipsoid.from_factor(factor, center)
-    except ValueError:
-        return None

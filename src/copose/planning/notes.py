@@ -21,13 +21,19 @@ def standing_notes(cell: Cell) -> tuple[str, ...]:
 def _unit_notes(cell: Cell) -> list[str]:
     """What depends on the unit of length, or adds newtons to newton-metres."""
     space, settings, notes = cell.system.space, cell.problem.ellipsoid, []
-    axes = cell.problem.axes
-    if set(axes) & set(space.linear) and set(axes) & set(space.angular):
+    axes, kind = cell.problem.axes, cell.problem.objective.kind
+    # What torque limits decide has no unit ball, and no pseudoinverse.
+    limited = kind in ("acceleration", "payload", "all-round")
+    mixed = set(axes) & set(space.linear) and set(axes) & set(space.angular)
+    if mixed and kind not in ("velocity-volume", "force-volume") and not limited:
         notes.append(
             "linear and angular accelerations share the ellipsoid: its semi-axes, worst-direction "
             "and isotropy depend on the unit of length; axes of one kind do not"
         )
     shared = space.rigid and len(cell.arms) > 1 and cell.resolution.name == "pseudoinverse"
+    shared = (shared and kind != "velocity-volume" and not limited) or (
+        kind == "force-volume" and space.rigid and len(cell.arms) > 1
+    )
     if shared and settings.load_distribution == "moore-penrose":
         notes.append(
             "the Moore–Penrose load distribution mixes forces with moments: the best posture "
@@ -37,7 +43,10 @@ def _unit_notes(cell: Cell) -> list[str]:
         notes.append(
             "contacts transmit forces only: the ellipsoid ignores the moments that they exert on "
             "the object, which may spin"
+            + ("; acceleration, payload and static_torque do not" if limited else "")
         )
+    if np.any(cell.velocity) and (limited or cell.problem.constraints.static_torque):
+        notes.append("what torque limits allow is told of rest; object.velocity does not enter")
     sliding = [
         f"{arm.name}/{joint.name}"
         for arm in cell.arms

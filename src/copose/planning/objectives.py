@@ -1,21 +1,27 @@
-"""What can be maximised: measures of the system's ellipsoid.
+"""What can be maximised, and of it what an ellipsoid tells.
 
-An objective is asked for in three ways: of a measured ellipsoid, with all its digits; of many Gram
+A measure is asked for in three ways: of a measured ellipsoid, with all its digits; of many Gram
 matrices at once, to compare postures; and as what it adds to a program.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
-from copose.capability import Ellipsoid, log_ball_volume, log_det
+from copose.capability import (
+    Ellipsoid,
+    Form,
+    Sums,
+    log_ball_volume,
+    log_det,
+)
 from copose.poses import Array
-from copose.problem import Problem, TaskCompatibilityObjective
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,21 +43,50 @@ class Formulation:
 
 
 class Objective(ABC):
-    """A measure of the ellipsoid {a : aᵀG a ≤ 1}, larger is better.
+    """What is maximised over postures.
 
     Attributes:
         kind: as written in a problem file.
         unit: of its value.
-        numbers: parameters of its expressions, such as directions; they vary without rebuilding.
+        sums: what it takes from all arms together.
+        scales: T by arm, in which these sums measure torques, (n,).
     """
 
-    kind: ClassVar[str]
+    kind: str
     ceiling: ClassVar[float] = np.inf
     """No posture is worth more."""
 
-    def __init__(self, unit: str, numbers: Array | None = None) -> None:
-        """An objective with its unit and parameters."""
-        self.unit = unit
+    def __init__(self, kind: str, unit: str, sums: Sums, scales: Sequence[Array]) -> None:
+        """An objective over some sums."""
+        self.kind, self.unit, self.sums, self.scales = kind, unit, sums, tuple(scales)
+
+    @abstractmethod
+    def score(self, sums: ca.SX, M_o: ca.SX, numbers: ca.SX, axes: Sequence[int]) -> ca.SX:
+        """The objective, or what stands in for it when postures are compared."""
+
+
+class EllipsoidMeasure(Objective):
+    """A measure of an ellipsoid {x : xᵀG x ≤ 1}, larger is better.
+
+    Attributes:
+        form: the ellipsoid's.
+        numbers: parameters of its expressions, such as directions; they vary without rebuilding.
+    """
+
+    kinked: ClassVar[bool] = False
+    """Whether it has kinks where it is largest."""
+
+    def __init__(
+        self,
+        kind: str,
+        unit: str,
+        form: Form,
+        scales: Sequence[Array],
+        numbers: Array | None = None,
+    ) -> None:
+        """A measure with its unit and parameters."""
+        super().__init__(kind, unit, form, scales)
+        self.form = form
         self.numbers: Array = np.zeros(0) if numbers is None else numbers
 
     @abstractmethod
@@ -70,11 +105,19 @@ class Objective(ABC):
         """Where the extra variables start at a posture with this G, bounds wide by ``slack``."""
         return np.zeros(0)
 
+    def gram(self, sums: ca.SX, M_o: ca.SX, axes: Sequence[int]) -> ca.SX:
+        """G of the stacked sums, its slice by the axes, (a, a)."""
+        chosen = list(axes)
+        return self.form.summed_gram(sums, M_o)[chosen, chosen]
 
-class Volume(Objective):
+    def score(self, sums: ca.SX, M_o: ca.SX, numbers: ca.SX, axes: Sequence[int]) -> ca.SX:
+        """Itself, or its stand-in without kinks."""
+        formulation = self.formulate(self.gram(sums, M_o, axes), numbers)
+        return formulation.value if formulation.smooth is None else formulation.smooth
+
+
+class Volume(EllipsoidMeasure):
     """log-volume, −½ log det G + log(volume of the unit ball)."""
-
-    kind = "volume"
 
     def of(self, ellipsoid: Ellipsoid) -> float:
         """From the semi-axes."""
@@ -90,14 +133,15 @@ class Volume(Objective):
         return Formulation(log_ball_volume(gram.shape[0]) - log_det(gram) / 2)
 
 
-class TaskCompatibility(Objective):
+class TaskCompatibility(EllipsoidMeasure):
     """Σ_j w_j log d(u_j), d(u) = (uᵀG u)^(−1/2) (after S. L. Chiu, 1988)."""
 
-    kind = "task-compatibility"
-
-    def __init__(self, unit: str, directions: Array, weights: Array) -> None:
+    def __init__(
+        self, form: Form, scales: Sequence[Array], directions: Array, weights: Array
+    ) -> None:
         """Unit directions (k, a) and their weights (k,)."""
-        super().__init__(unit, np.concatenate([directions.ravel(), weights]))
+        numbers = np.concatenate([directions.ravel(), weights])
+        super().__init__("task-compatibility", "log", form, scales, numbers)
         self.directions, self.weights = directions, weights
 
     def of(self, ellipsoid: Ellipsoid) -> float:
@@ -121,10 +165,10 @@ class TaskCompatibility(Objective):
         return Formulation(value)
 
 
-class WorstDirection(Objective):
+class WorstDirection(EllipsoidMeasure):
     """The shortest semi-axis, λ_max(G)^(−1/2)."""
 
-    kind = "worst-direction"
+    kinked = True
 
     def of(self, ellipsoid: Ellipsoid) -> float:
         """The last of the semi-axes."""
@@ -144,10 +188,10 @@ class WorstDirection(Objective):
         return _bound_start(gram, slack)
 
 
-class Isotropy(Objective):
+class Isotropy(EllipsoidMeasure):
     """Shortest over longest semi-axis, (λ_min/λ_max)^(1/2)."""
 
-    kind = "isotropy"
+    kinked = True
     ceiling = 1.0
 
     def of(self, ellipsoid: Ellipsoid) -> float:
@@ -216,27 +260,3 @@ def _log_norm(G: ca.SX) -> ca.SX:
         total += ca.log(ca.trace(X)) / power
         X = X / ca.trace(X)
     return total
-
-
-def objective_of(problem: Problem) -> Objective:
-    """The objective of a problem file."""
-    spec = problem.objective
-    length = acceleration_unit(problem)
-    if isinstance(spec, TaskCompatibilityObjective):
-        directions = np.array([problem.along(w.direction) for w in spec.directions])
-        weights = np.array([w.weight for w in spec.directions])
-        return TaskCompatibility("log", directions, weights)
-    kinds: dict[str, Objective] = {
-        "volume": Volume("log"),
-        "worst-direction": WorstDirection(length),
-        "isotropy": Isotropy("1"),
-    }
-    return kinds[spec.kind]
-
-
-def acceleration_unit(problem: Problem) -> str:
-    """The unit of a semi-axis: per unit torque, or at the torque limits."""
-    linear = {"m/s²" for axis in problem.axes if axis in problem.space.linear}
-    angular = {"rad/s²" for axis in problem.axes if axis in problem.space.angular}
-    unit = ", ".join(sorted(linear) + sorted(angular))
-    return unit if problem.ellipsoid.torque_scaling == "limits" else f"{unit} per N·m"

@@ -8,9 +8,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from copose.mechanics import System
+from copose.capability.torque_limits import WrenchBounds
+from copose.planning.cell import Cell
+from copose.planning.constraints import Constraint, closure_constraints, equality
 from copose.planning.hessian import differenced_hessian
-from copose.planning.objectives import Objective
+from copose.planning.limits_measures import LimitsMeasure
+from copose.planning.limits_program import holding_addition, limits_addition
+from copose.planning.objectives import EllipsoidMeasure, Objective
 from copose.poses import Array
 
 _IPOPT: dict[str, Any] = {
@@ -35,32 +39,6 @@ _IPOPT: dict[str, Any] = {
 _FIRST_SLACK, _WIDER_SLACKS = 0.02, (0.2, 0.05)
 # How far beside its start, rad or m, a solve without kinks is tried again.
 _NUDGE = 0.03
-
-
-@dataclass(frozen=True, eq=False)
-class Constraint:
-    """lower ≤ expression ≤ upper, with a name to report it by."""
-
-    name: str
-    expression: ca.SX
-    lower: Array
-    upper: Array
-    unit: str
-
-
-def equality(name: str, expression: ca.SX, unit: str) -> Constraint:
-    """The constraint that an expression vanishes."""
-    zero = np.zeros(expression.numel())
-    return Constraint(name, expression, zero, zero, unit)
-
-
-def closure_constraints(system: System) -> tuple[Constraint, ...]:
-    """Every tip at its grasp: the residuals of `System.closure` are zero."""
-    unit = "m, rad" if system.space.rigid else "m"
-    return tuple(
-        equality(f"closure of arm {arm.arm.name}", system.closure(i), unit)
-        for i, arm in enumerate(system.arms)
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +67,8 @@ class _Solver:
         parameters: ca.SX,
         value: ca.SX,
         constraints: tuple[Constraint, ...],
+        *,
+        exact_hessian: bool = False,
     ) -> None:
         """Build the solver; ``variables`` are the joints and what is free beside them."""
         edges = np.cumsum([0] + [c.expression.numel() for c in constraints])
@@ -105,8 +85,12 @@ class _Solver:
         self._lower = np.concatenate([c.lower for c in constraints])
         self._upper = np.concatenate([c.upper for c in constraints])
         self._free = np.full(variables[1].numel(), np.inf)
-        hessian = differenced_hessian(self.expressions, variables[0].numel())
-        options = _IPOPT | {"hess_lag": hessian}
+        options = dict(_IPOPT)
+        if exact_hessian:
+            # Starts keep torque limits already.
+            options["ipopt.mu_init"] = 1e-2
+        else:
+            options["hess_lag"] = differenced_hessian(self.expressions, variables[0].numel())
         self._solver = ca.nlpsol("posture", "ipopt", self.expressions, options)
 
     def run(
@@ -132,10 +116,11 @@ class _Solver:
 
 
 class PostureProgram:
-    """minimise −objective(q; object, numbers) subject to closure and joint limits.
+    """minimise −objective(q; object, numbers) subject to closure, joint and torque limits.
 
-    Object pose, mass, inertia and the objective's numbers (directions, weights) are parameters and
-    limits are bounds: building is done once, in the constructor, and every `solve` only solves.
+    Object pose, mass, inertia and the objective's numbers (directions, weights, demands) are
+    parameters and joint limits are bounds: building is done once, in the constructor, and every
+    `solve` only solves.
 
     Attributes:
         objective: what is maximised.
@@ -144,54 +129,103 @@ class PostureProgram:
         expressions: the program as ``x``, ``p``, ``f`` and ``g``.
     """
 
-    def __init__(self, system: System, gram: ca.SX, objective: Objective) -> None:
-        """Build the program of a system for one objective of its Gram matrix G, (a, a)."""
+    def __init__(
+        self,
+        cell: Cell,
+        objective: Objective,
+        numbers: int,
+        bounds: WrenchBounds | None = None,
+    ) -> None:
+        """Build the program of a cell.
+
+        Args:
+            cell: object and joints may be elsewhere when it is solved.
+            objective: what is maximised.
+            numbers: how many parameters it has.
+            bounds: on contact wrenches, where torque limits matter.
+        """
         self.objective = objective
-        numbers = ca.SX.sym("numbers", len(objective.numbers))
-        parameters = ca.vertcat(system.object.parameters, numbers)
-        formulation = objective.formulate(gram, numbers)
-        closure = closure_constraints(system)
-        self.constraints = closure
-        if formulation.zero.numel():
-            self.constraints += (equality("bounds on the semi-axes", formulation.zero, "1"),)
-        self._exact = _Solver(
-            (system.q, formulation.extra), parameters, formulation.value, self.constraints
-        )
+        system = cell.system
+        symbols = ca.SX.sym("numbers", numbers)
+        parameters = ca.vertcat(system.object.parameters, symbols)
+        constraints = closure_constraints(system)
+        beside: list[ca.SX] = []
+        if cell.problem.constraints.static_torque:
+            assert bounds is not None and cell.torque_limits is not None
+            hold = holding_addition(system, cell.torque_limits, bounds)
+            beside, constraints = [hold.variables], (*constraints, *hold.constraints)
+        self._gram: ca.Function | None = None
         self._smooth = None
-        if formulation.smooth is not None:
-            nothing = ca.SX(0, 1)
-            self._smooth = _Solver((system.q, nothing), parameters, formulation.smooth, closure)
-        self._gram = ca.Function("gram", [system.q, system.object.parameters], [gram])
+        extra = ca.SX(0, 1)
+        if isinstance(objective, EllipsoidMeasure):
+            axes = list(cell.problem.axes)
+            gram = objective.form.system_gram(system, objective.scales)[axes, axes]
+            formulation = objective.formulate(gram, symbols)
+            self._gram = ca.Function("gram", [system.q, system.object.parameters], [gram])
+            if formulation.smooth is not None:
+                smoothed = ca.vertcat(*beside)
+                self._smooth = _Solver(
+                    (system.q, smoothed), parameters, formulation.smooth, constraints
+                )
+            value, extra = formulation.value, formulation.extra
+            if formulation.zero.numel():
+                constraints += (equality("bounds on the semi-axes", formulation.zero, "1"),)
+        else:
+            assert isinstance(objective, LimitsMeasure) and bounds is not None
+            addition = limits_addition(system, objective, symbols, bounds)
+            assert addition.value is not None
+            value, constraints = addition.value, (*constraints, *addition.constraints)
+            beside = [addition.variables, *beside]
+        self.constraints = constraints
+        self._exact = _Solver(
+            (system.q, ca.vertcat(*beside, extra)),
+            parameters,
+            value,
+            constraints,
+            exact_hessian=isinstance(objective, LimitsMeasure),
+        )
         self.rows, self.expressions = self._exact.rows, self._exact.expressions
 
     def gram_at(self, q: Array, parameters: Array) -> Array:
-        """G of stacked joint positions, (a, a)."""
+        """G of stacked joint positions, (a, a), of an objective that measures an ellipsoid."""
+        assert self._gram is not None
         return np.array(self._gram(q, parameters))
 
-    def solve(self, start: Array, parameters: Array, lower: Array, upper: Array) -> LocalSolve:
+    def solve(
+        self,
+        start: Array,
+        parameters: Array,
+        numbers: Array,
+        lower: Array,
+        upper: Array,
+        beside: Array | None = None,
+    ) -> LocalSolve:
         """One local solve.
 
         Where the objective has kinks its smooth stand-in is solved first, and the program itself
-        from there; should that fail, once more with wider bounds and from the start itself. A
-        smooth objective that fails is tried once more from a little beside.
+        from there; should that fail, once more with wider bounds and from the start itself. What
+        is smooth and fails is tried once more from a little beside.
 
         Args:
             start: joint positions to start from, (N,).
             parameters: of the object, see `object_parameters`.
+            numbers: of the objective.
             lower: joint limits with margin, −inf where none, (N,).
             upper: alike.
+            beside: where the variables that torque limits add start.
         """
-        numbers = np.concatenate([parameters, self.objective.numbers])
-        if self._smooth is None:
-            if not np.all(np.isfinite(self.gram_at(start, parameters))):
-                return _not_started(start)
-            end = self._exact.run(start, np.zeros(0), numbers, lower, upper)
-            if end.converged:
-                return end
+        numbers = np.concatenate([parameters, numbers])
+        more = np.zeros(0) if beside is None else beside
+        if self._gram is not None and not np.all(np.isfinite(self.gram_at(start, parameters))):
+            return _not_started(start)
+        first = self._exact if self._smooth is None else self._smooth
+        near = first.run(start, more, numbers, lower, upper)
+        if not near.converged:
             nudge = _NUDGE * np.random.default_rng(0).normal(size=len(start))
-            return self._exact.run(start + nudge, np.zeros(0), numbers, lower, upper)
-        near = self._smooth.run(start, np.zeros(0), numbers, lower, upper)
-        if near.converged and self._at_ceiling(near.q, parameters):
+            near = first.run(start + nudge, more, numbers, lower, upper)
+        if self._smooth is None or not isinstance(self.objective, EllipsoidMeasure):
+            return near
+        if near.converged and self._at_ceiling(self.objective, near.q, parameters):
             return near
         attempts = [(near.q, _FIRST_SLACK), *((start, slack) for slack in _WIDER_SLACKS)]
         end = near
@@ -200,15 +234,15 @@ class PostureProgram:
             if not np.all(np.isfinite(gram)) or np.linalg.cond(gram) > 1e13:
                 end = _not_started(q)
                 continue
-            extra = self.objective.extra_start(gram, slack)
+            extra = np.concatenate([more, self.objective.extra_start(gram, slack)])
             end = self._exact.run(q, extra, numbers, lower, upper)
             if end.converged:
                 break
         return end
 
-    def _at_ceiling(self, q: Array, parameters: Array) -> bool:
-        value = self.objective.of_grams(self.gram_at(q, parameters)[None])[0]
-        return bool(value >= self.objective.ceiling - 1e-9)
+    def _at_ceiling(self, objective: EllipsoidMeasure, q: Array, parameters: Array) -> bool:
+        value = objective.of_grams(self.gram_at(q, parameters)[None])[0]
+        return bool(value >= objective.ceiling - 1e-9)
 
 
 def _not_started(q: Array) -> LocalSolve:

@@ -10,8 +10,10 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from copose.planning.answering import answer
+from copose.planning.capacity import HELD
 from copose.planning.cell import Cell
 from copose.planning.closing import CLOSED, project
+from copose.planning.giving_way import too_heavy
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.measuring import Measurement
 from copose.planning.missing import misses
@@ -77,6 +79,17 @@ class Run:
                 timing=self.timing,
             )
         before, notes = self._before(found)
+        if found.starts == 0 and self.machinery.capacity is not None:
+            return answer(
+                cell,
+                objective,
+                status="infeasible",
+                reason=self._beyond_limits(),
+                notes=notes,
+                before=before,
+                search=self._record(found, self.seed, effort, None),
+                timing=self.timing,
+            )
         after, value = self._best(found, before)
         verification = None
         if verify and value is not None:
@@ -169,31 +182,46 @@ class Run:
         self, found: Found, before: Measurement | None
     ) -> tuple[Measurement | None, float | None]:
         """The best optimum that passes its own check, or the start where none is better."""
-        cell, value = self.cell, self.machinery.objective.of
-        best = None
+        cell, best = self.cell, None
         for optimum in found.optima:
             joints = [self._closed(i, q) for i, q in enumerate(cell.system.split(optimum.q))]
             if any(q is None for q in joints):
                 continue
             measured = self.machinery.meter.measure(cell, [q for q in joints if q is not None])
             if (
-                measured.ellipsoid is not None
+                measured.value is not None
                 and max(measured.posture.closure_error.values()) <= CLOSURE_TOLERANCE
-                and abs(value(measured.ellipsoid) - optimum.objective) <= 1e-6
+                and abs(measured.value - optimum.objective) <= 1e-6 * max(1.0, abs(measured.value))
+                and self._held(measured)
             ):
                 best = measured
                 break
-        if before is not None and before.ellipsoid is not None and self._allowed(before):
-            start = value(before.ellipsoid)
-            if best is None or best.ellipsoid is None or start > value(best.ellipsoid):
-                best = before if best is not None else None
-        if best is None or best.ellipsoid is None:
-            return None, None
-        return best, value(best.ellipsoid)
+        if best is not None and best.value is not None and before is not None:
+            start = before.value if self._allowed(before) else None
+            if start is not None and start > best.value:
+                best = before
+        return best, None if best is None else best.value
+
+    def _beyond_limits(self) -> str:
+        """Why torque limits allow no posture of all that were compared."""
+        if self.machinery.static:
+            return too_heavy(self.cell, self.seed)
+        kind = self.machinery.objective.kind
+        return (
+            f"the torque limits allow no {kind} as it is asked for in any posture found: they "
+            "leave no such motion of the object, all its other accelerations zero"
+        )
+
+    def _held(self, measured: Measurement) -> bool:
+        """Whether the object is held at rest, where it must be."""
+        if not self.machinery.static:
+            return True
+        shares = measured.posture.static_torque
+        return shares is not None and max(map(max, shares.values())) <= 1 + HELD
 
     def _allowed(self, measured: Measurement) -> bool:
         joints = measured.posture.joints
-        return all(
+        return self._held(measured) and all(
             np.all((np.array(joints[arm.name]) >= low) & (np.array(joints[arm.name]) <= high))
             for arm, low, high in zip(self.cell.arms, self.cell.lower, self.cell.upper, strict=True)
         )
@@ -244,7 +272,7 @@ class Run:
         )
 
     def _why(self, found: Found, before: Measurement) -> str:
-        if before.ellipsoid is None and before.notes:
+        if before.value is None and before.notes:
             return before.notes[0]
         if not found.failures:
             return "no local optimum passed its own check of closure and objective"

@@ -12,50 +12,57 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from copose.capability import Resolution
+from copose.capability import HoldingTorque, symmetric, upper_triangle
 from copose.kernels import Kernel
-from copose.mechanics import System
-from copose.planning.arm_kernels import symmetric, upper_triangle
-from copose.planning.objectives import Objective
+from copose.planning.cell import Cell
+from copose.planning.objectives import EllipsoidMeasure, Objective
 from copose.poses import Array, Indices
 
 # Rows of a table of pairs that are evaluated at once are chosen to stay within a cache.
 _AT_ONCE = 8192
 _SWEEPS = 12
+_UNHELD = 1e9
 
 
 class Score:
-    """The objective, or its smooth stand-in, as a function of the sums of the arms' terms.
+    """The objective, or what stands in for it, as a function of the sums of the arms' terms.
 
     Attributes:
-        value: kernel of the sums, (s,), and of M_o and the objective's numbers.
-        slope: kernel of the value and its derivatives by the sums, (1 + s,).
-        gram: kernel of the upper triangle of G.
-        smooth: whether it is the objective itself.
+        value: kernel of the sums, (s,), and of what is given: postures are compared by it. Where
+            arms at rest must hold the object the sums of `HoldingTorque` follow the objective's,
+            and what torque limits certainly cannot hold is worth −10⁹.
+        slope: kernel of the objective's sums alone and of what is given: the value and its
+            derivatives by them, (1 + s,).
+        gram: kernel of the upper triangle of G, where the objective measures an ellipsoid.
     """
 
-    def __init__(
-        self, system: System, resolution: Resolution, objective: Objective, axes: Sequence[int]
-    ) -> None:
-        """Write down the score of a system."""
-        m, chosen = system.space.m, list(axes)
-        size = m * (m + 1) // 2
-        sums = ca.SX.sym("sums", resolution.n_terms * size)
-        inertia, numbers = ca.SX.sym("M_o", size), ca.SX.sym("numbers", len(objective.numbers))
-        parts = [symmetric(part, m) for part in ca.vertsplit(sums, size)]
-        G = resolution.gram(parts, symmetric(inertia, m))[chosen, chosen]
-        formulation = objective.formulate(G, numbers)
-        self.smooth = formulation.smooth is None
-        value = formulation.value if formulation.smooth is None else formulation.smooth
-        given = ca.vertcat(inertia, numbers)
-        self.value = Kernel(sums, given, value)
+    def __init__(self, cell: Cell, objective: Objective, numbers: int) -> None:
+        """Write down the score of a cell for an objective with so many parameters."""
+        space, axes = cell.system.space, cell.problem.axes
+        sums = ca.SX.sym("sums", objective.sums.size(space))
+        inertia, symbols = ca.SX.sym("M_o", space.m * (space.m + 1) // 2), ca.SX.sym("n", numbers)
+        weight = ca.SX.sym("weight", len(space.balance))
+        M_o = symmetric(inertia, space.m)
+        value = objective.score(sums, M_o, symbols, axes)
+        given = ca.vertcat(inertia, weight, symbols)
         self.slope = Kernel(sums, given, ca.vertcat(value, ca.gradient(value, sums)))
-        self.gram = Kernel(sums, given, upper_triangle(G))
+        self.gram = None
+        if isinstance(objective, EllipsoidMeasure):
+            self.gram = Kernel(sums, given, upper_triangle(objective.gram(sums, M_o, axes)))
+        if cell.problem.constraints.static_torque:
+            held = ca.SX.sym("held", HoldingTorque().size(space))
+            most = sum(arm.n for arm in cell.arms) ** 0.5
+            sinks = HoldingTorque.norm(held, weight) > most
+            value = ca.if_else(sinks, -_UNHELD, value)
+            sums = ca.vertcat(sums, held)
+        self.value = Kernel(sums, given, value)
 
     @property
     def all(self) -> tuple[Kernel, ...]:
         """Its kernels."""
-        return self.value, self.slope, self.gram
+        return (
+            (self.value, self.slope) if self.gram is None else (self.value, self.slope, self.gram)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +163,6 @@ def _cleaned(values: Array) -> Array:
 
 
 def _ranked(chosen: Indices, scores: Array, combinations: int) -> Screened:
-    usable = np.isfinite(scores)
+    usable = np.isfinite(scores) & (scores > -_UNHELD)
     order = np.argsort(-scores[usable], kind="stable")
     return Screened(chosen[usable][order], scores[usable][order], combinations)

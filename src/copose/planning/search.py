@@ -32,9 +32,14 @@ _KINKED = 10
 _PLAIN, _FEWEST = 8, 4
 # Combinations that are looked through for one that differs from those before.
 _AMONG = 64
+# Combinations that linear programs judge at a time, and at most; and how many for each that is
+# polished are enough.
+_JUDGED, _MOST_JUDGED, _ENOUGH = 256, 4096, 4
+# For each that is polished so many are measured exactly before, where a climb is dear.
+_MEASURED = 10
 # Starts that are polished at a time, and how many times the largest gain so far the next may hope
 # for.
-_AT_ONCE, _HOPE = 8, 10.0
+_AT_ONCE, _FEW_AT_ONCE, _HOPE = 8, 4, 10.0
 
 
 @dataclass(frozen=True)
@@ -157,6 +162,7 @@ def search(
     # A step in many dimensions takes many evaluations.
     spare = sum(max(0, kernels.n - kernels.m) for kernels in machinery.arms)
     most = max(_FEWEST, int(effort.polished * min(1.0, _PLAIN / max(spare, 1))))
+    screened = _judged(machinery, setting, postures, screened, most)
     starts, scores = _distinct(cell, postures, screened, most)
     polished = _Polishing(machinery, setting, progress)
     polished.add_promising(starts, scores)
@@ -167,6 +173,8 @@ def search(
         polished.add(np.hstack(picked))
     combinations = screened.combinations
     dense = K <= 2 and all(kernels.n - kernels.m <= 1 for kernels in machinery.arms)
+    # Where a score only bounds the objective the best pair may have looked like many.
+    dense = dense and not machinery.dear
     for _ in range(0 if dense or not polished.ends else effort.rounds):
         # At a good combination every arm's posture is good for what the others add up to, and it
         # was polished for another sum before: so what is polished is combined anew.
@@ -178,7 +186,10 @@ def search(
         near = [np.zeros((len(mine), 0), dtype=np.intp) for mine in postures]
         screened = _screened(machinery, setting, postures, near, rng, effort.starts)
         combinations += screened.combinations
-        again, _ = _distinct(cell, postures, screened, max(1, most // 2))
+        screened = _judged(machinery, setting, postures, screened, most)
+        # Where kinks make what was climbed stand above all that was not, only the latter counts.
+        known = polished.known if machinery.dear else None
+        again, _ = _distinct(cell, postures, screened, max(1, most // 2), known)
         before = polished.best
         polished.add(polished.unknown(again))
         if not polished.best > before + _SAME_OBJECTIVE:
@@ -213,15 +224,58 @@ def _screened(
     rng: np.random.Generator,
     starts: int,
 ) -> Screened:
-    arms = zip(machinery.arms, postures, setting.placement.ties, strict=True)
-    terms = [kernels.terms(mine, tie) for kernels, mine, tie in arms]
+    terms = [machinery.terms(setting, i, mine) for i, mine in enumerate(postures)]
+    if machinery.static:
+        # A combination that cannot be held may stand above a neighbour that can.
+        neighbours = [near[:, :0] for near in neighbours]
     return screen(machinery.score, setting.given, terms, neighbours, rng, starts)
 
 
+def _judged(
+    machinery: Machinery,
+    setting: Setting,
+    postures: Sequence[Array],
+    screened: Screened,
+    most: int,
+) -> Screened:
+    """The best combinations by the objective itself, where another score has compared them; and of
+    them those that hold the object, where they must.
+    """
+    if machinery.newton and not machinery.static:
+        return screened
+    chosen, scores = screened.chosen[:0], screened.scores[:0]
+    for first in range(0, len(screened.chosen), _JUDGED):
+        rows = slice(first, first + _JUDGED)
+        some, worth = screened.chosen[rows], screened.scores[rows]
+        q = np.hstack([mine[k] for mine, k in zip(postures, some.T, strict=True)])
+        held = machinery.held(setting, q)
+        some, worth, q = some[held], worth[held], q[held]
+        if not machinery.newton and len(q):
+            worth = machinery.estimates(setting, q)
+        sound = np.isfinite(worth)
+        chosen = np.vstack([chosen, some[sound]])
+        scores = np.concatenate([scores, worth[sound]])
+        if len(chosen) >= _ENOUGH * most or first + _JUDGED >= _MOST_JUDGED:
+            break
+    order = np.argsort(-scores, kind="stable")
+    chosen, scores = chosen[order], scores[order]
+    if machinery.dear:
+        chosen = chosen[: _MEASURED * most]
+        q = np.hstack([mine[k] for mine, k in zip(postures, chosen.T, strict=True)])
+        scores = machinery.objectives(setting, q)
+        order = np.argsort(-scores, kind="stable")
+        chosen, scores = chosen[order], scores[order]
+    return Screened(chosen, scores, screened.combinations)
+
+
 def _distinct(
-    cell: Cell, samples: Sequence[Array], screened: Screened, most: int
+    cell: Cell,
+    samples: Sequence[Array],
+    screened: Screened,
+    most: int,
+    known: Array | None = None,
 ) -> tuple[Array, Array]:
-    """The best combinations that differ from one another in some joint.
+    """The best combinations that differ from one another, and from those known, in some joint.
 
     Returns:
         Stacked joints, (count, N), and scores, (count,).
@@ -229,6 +283,8 @@ def _distinct(
     columns = screened.chosen[: _AMONG * most].T
     q = np.hstack([sample[column] for sample, column in zip(samples, columns, strict=True)])
     left = np.arange(len(q))
+    for row in () if known is None else known:
+        left = left[cell.distances(q[left], row) > _APART]
     chosen: list[int] = []
     while len(left) and len(chosen) < most:
         chosen.append(left[0])
@@ -254,6 +310,11 @@ class _Polishing:
     def best(self) -> float:
         return max((end.objective for end in self.ends), default=-np.inf)
 
+    @property
+    def known(self) -> Array:
+        """Where polishing has ended, (count, N)."""
+        return np.array([end.q for end in self.ends])
+
     def postures(self, most: int) -> list[Array]:
         """By arm, where the best ends of polishing are, without repetition."""
         cell = self._setting.cell
@@ -273,18 +334,20 @@ class _Polishing:
         cell = setting.cell
         best = max(self.ends, key=lambda end: end.objective)
         parts = cell.system.split(best.q)
-        arms = list(zip(machinery.arms, parts, setting.placement.ties, strict=True))
-        others = [arm.terms(q[None], tie)[0] for j, (arm, q, tie) in enumerate(arms) if j != i]
-        rest = np.asarray(sum(others))
-        kernels, _, tie = arms[i]
-        scores = machinery.score.value(kernels.terms(closed, tie) + rest, setting.given)[:, 0]
+        terms = [machinery.terms(setting, j, q[None])[0] for j, q in enumerate(parts) if j != i]
+        rest = np.asarray(sum(terms))
+        scores = machinery.score.value(machinery.terms(setting, i, closed) + rest, setting.given)
+        scores = scores[:, 0]
         starts = closed[np.argsort(-scores, kind="stable")[:most]]
-        ends = machinery.polisher(setting, i, rest).polish(starts)
+        if not machinery.newton:
+            return np.asarray(starts)
+        own = machinery.objective.sums.size(cell.system.space)
+        ends = machinery.polisher(setting, i, rest[:own]).polish(starts)
         return np.asarray(ends.q[ends.converged])
 
     def unknown(self, starts: Array) -> Array:
         """Those of the starts that are no end."""
-        ends = np.array([end.q for end in self.ends])
+        ends = self.known
         cell = self._setting.cell
         new = [np.all(cell.distances(ends, q) > _SAME_JOINTS) for q in starts]
         return np.asarray(starts[np.array(new, dtype=bool)])
@@ -292,9 +355,10 @@ class _Polishing:
     def add_promising(self, starts: Array, scores: Array) -> None:
         """Polish starts, best first, until the next would have to gain far more than any has."""
         gained, best = 0.0, -np.inf
-        for first in range(0, len(starts), _AT_ONCE):
-            rows = slice(first, first + _AT_ONCE)
-            if scores[first] + _HOPE * gained < best:
+        together = _AT_ONCE if self._machinery.newton else _FEW_AT_ONCE
+        for first in range(0, len(starts), together):
+            rows = slice(first, first + together)
+            if not self._machinery.dear and scores[first] + _HOPE * gained < best:
                 break
             ends = self.add(starts[rows])
             best = max(best, ends.max(initial=-np.inf))
@@ -307,24 +371,43 @@ class _Polishing:
             return np.zeros(0)
         self._progress("polishing", 0.6)
         self.starts += len(starts)
+        if not machinery.newton:
+            return self._solve(starts)
         ends = machinery.polisher(setting).polish(starts)
-        solved = ends.converged & machinery.smooth
+        held = machinery.held(setting, ends.q)
+        solved = ends.converged & machinery.smooth & held
         values = machinery.objectives(setting, ends.q)
         for q, value in zip(ends.q[solved], values[solved], strict=True):
             self.ends.append(LocalOptimum(q, float(value), 1))
-        left = _left(setting.cell, ends, solved, machinery.smooth)
+        left = _left(setting.cell, ends, solved | ~held, machinery.smooth)
+        # Where torque limits end a climb IPOPT climbs with them, from a start that keeps them.
+        left = np.vstack([left, starts[~held & machinery.held(setting, starts)]])
         if machinery.smooth:
             stalled = int((~solved).sum()) - len(left)
             self.failures += [LocalSolve(starts[0], False, "Stalled_Far_Below_Best", {})] * stalled
-        for k, q in enumerate(left):
-            self._progress("polishing", 0.7 + 0.3 * k / len(starts))
-            end = machinery.program.solve(q, setting.cell.parameters, *setting.bounds)
-            value = float(machinery.objectives(setting, end.q[None])[0])
-            if end.converged and np.isfinite(value):
-                self.ends.append(LocalOptimum(end.q, value, 1))
+        self._solve(left)
+        return np.where(ends.converged, ends.value, -np.inf)
+
+    def _solve(self, q: Array) -> Array:
+        """Go on from postures, (count, N), by IPOPT.
+
+        Returns:
+            The objective where each ends, −inf where nowhere, (count,).
+        """
+        machinery, setting, ends = self._machinery, self._setting, []
+        if len(q) == 0:
+            return np.zeros(0)
+        for k, end in enumerate(machinery.solve_programs(setting, q)):
+            self._progress("polishing", 0.7 + 0.3 * k / len(q))
+            ends.append(end)
+        values = machinery.objectives(setting, np.array([end.q for end in ends]))
+        good = np.isfinite(values) & np.array([end.converged for end in ends])
+        for end, value, fine in zip(ends, values, good, strict=True):
+            if fine:
+                self.ends.append(LocalOptimum(end.q, float(value), 1))
             else:
                 self.failures.append(end)
-        return np.where(ends.converged, ends.value, -np.inf)
+        return np.where(good, values, -np.inf)
 
 
 def _left(cell: Cell, ends: Polished, solved: Mask, smooth: bool) -> Array:

@@ -50,6 +50,13 @@ class Link(Spec):
     radius: Positive = 0.03
 
 
+class Grip(Spec):
+    """The largest norms of the contact's force, N, and moment, N·m."""
+
+    force: Positive | None = None
+    moment: Positive | None = None
+
+
 def _without(data: Any, key: str, text: str) -> Any:
     """Refuse the key that tells an arm of the other spaces, before its others are unknown."""
     if isinstance(data, dict) and key in data:
@@ -65,6 +72,7 @@ class ArmSpec(Spec):
     torque_limits: tuple[Positive, ...] | None = None
     position_limits: tuple[Range, ...] | None = None
     armature: tuple[NotNegative, ...] | None = None
+    grip: Grip = Grip()
 
 
 class UrdfArm(ArmSpec):

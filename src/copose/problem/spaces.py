@@ -40,6 +40,13 @@ class Space:
         return tuple(i for i, row in enumerate(self.rows) if row >= 3)
 
     @property
+    def balance(self) -> tuple[int, ...]:
+        """Rows of a wrench that must balance for the object not to spin: moments too, though ball
+        joints and hinges transmit none; in the plane the moment about its normal.
+        """
+        return (0, 1, 5) if self.planar else (0, 1, 2, 3, 4, 5)
+
+    @property
     def rigid(self) -> bool:
         """Whether a contact transmits moments too: the grasp then fixes the tip's orientation."""
         return bool(self.angular)

@@ -11,8 +11,10 @@ from pydantic_core import PydanticCustomError
 
 from copose.errors import shown
 from copose.problem.aims import (
+    AccelerationObjective,
     EllipsoidSpec,
     ObjectiveSpec,
+    PayloadObjective,
     PlanarWorldSpec,
     TaskCompatibilityObjective,
     VolumeObjective,
@@ -21,7 +23,7 @@ from copose.problem.aims import (
 from copose.problem.arms import ArmSpec, PlanarArm, UrdfArm
 from copose.problem.objects import PlanarObject, SpatialObject
 from copose.problem.spaces import SPACES, Space, SpaceName
-from copose.problem.values import FolderName, NotNegative, Spec, Text, fault, whole
+from copose.problem.values import FolderName, NotNegative, Positive, Spec, Text, fault, whole
 
 _MOST_ARMS = 32
 
@@ -36,6 +38,8 @@ class ConstraintsSpec(Spec):
     """``[constraints]``: what a posture must keep."""
 
     joint_margin: NotNegative = 0.0
+    static_torque: bool = False
+    internal_force: Positive | None = None
 
 
 class SearchSpec(Spec):
@@ -102,7 +106,42 @@ class Problem(Spec):
         if isinstance(self.objective, TaskCompatibilityObjective):
             for i, weighted in enumerate(self.objective.directions):
                 self._check_direction(weighted.direction, f"objective.directions[{i}].direction")
+        self._check_limits_objective()
         return self
+
+    def _check_limits_objective(self) -> None:
+        objective = self.objective
+        if isinstance(objective, AccelerationObjective):
+            if (objective.direction is None) == (objective.directions is None):
+                both = "one of direction and directions, not both, is"
+                raise fault("objective.direction", f"{both} needed for acceleration")
+            if objective.direction is not None:
+                self._check_direction(objective.direction, "objective.direction")
+            for i, entry in enumerate(objective.directions or ()):
+                self._check_direction(entry.direction, f"objective.directions[{i}].direction")
+        elif isinstance(objective, PayloadObjective):
+            given = "direction" if objective.acceleration is None else "acceleration"
+            missing = "acceleration" if given == "direction" else "direction"
+            if (objective.direction is None) != (objective.acceleration is None):
+                raise fault(
+                    f"objective.{missing}",
+                    f"missing; {given} beside it says how the mass is to be accelerated",
+                )
+            if objective.direction is not None:
+                self._check_direction(objective.direction, "objective.direction")
+            if not any(self.world.gravity):
+                raise fault("world.gravity", "is 0; payload needs gravity")
+        elif objective.kind == "all-round":
+            kinds = (
+                set(self.axes) & set(self.space.linear),
+                set(self.axes) & set(self.space.angular),
+            )
+            if all(kinds):
+                raise fault(
+                    "objective.axes",
+                    "mixes linear and angular accelerations; all-round needs axes of one kind, "
+                    "such as " + str([self.space.coordinates[i] for i in self.space.linear]),
+                )
 
     def _check_axes(self, names: tuple[str, ...]) -> None:
         legal = self.space.coordinates

@@ -11,6 +11,8 @@ from rich.text import Text
 
 from copose.errors import InputError
 from copose.report import style
+from copose.report.columns import plain_table
+from copose.report.limits import limit_values
 from copose.report.slices import angular_slice, linear_slice
 from copose.results import Posture, Solution
 
@@ -61,8 +63,7 @@ def comparison_table(comparison: Comparison) -> RenderableType:
 
 
 def _figures(comparison: Comparison) -> Table:
-    table = Table(show_edge=False, pad_edge=False)
-    table.add_column("")
+    table = plain_table("")
     for name in comparison.names:
         table.add_column(Text(name), justify="right", overflow="fold")
     both = list(zip(comparison.solutions, comparison.postures, strict=True))
@@ -87,6 +88,13 @@ def _figures(comparison: Comparison) -> Table:
     centers = [posture.ellipsoid.center or () for posture in comparison.postures]
     if any(any(center) for center in centers):
         table.add_row("centre, at zero torque", *map(style.numbers, centers))
+    limits = [limit_values(solution, posture) for solution, posture in both]
+    for name in limits[0] | limits[1]:
+        cells = [
+            f"{style.three(each[name][0])} {each[name][1]}" if name in each else "–"
+            for each in limits
+        ]
+        table.add_row(name, *cells)
     return table
 
 

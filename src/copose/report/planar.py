@@ -12,6 +12,9 @@ from matplotlib.transforms import ScaledTranslation
 from copose.poses import Array
 from copose.problem import SPACES
 from copose.report import style
+from copose.report.exact_sets import draw_set, set_pictures
+from copose.report.forces import holding_arrows
+from copose.report.shares import draw_shares, share_panels
 from copose.report.slices import Slice, all_coordinates, angular_slice, linear_slice
 from copose.report.style import Panel
 from copose.results import Posture, Solution
@@ -20,6 +23,8 @@ from copose.results import Posture, Solution
 _ELLIPSE_SHARE = 0.3
 # Width of a panel, inches.
 _PANEL = 4.6
+# Height of what stands below the scenes, inches, and the longest contact force drawn, as a share.
+_BENEATH, _FORCE_SHARE = 2.6, 0.16
 
 
 def planar_figure(panels: list[Panel], heading: str) -> Figure:
@@ -40,17 +45,24 @@ def planar_figure(panels: list[Panel], heading: str) -> Figure:
     margin = 0.04 * size + np.maximum(least - (high - low), 0.0) / 2
     low, high = low - margin, high + margin
 
+    sets, holding = set_pictures(panels), share_panels(panels)
     width, height = high - low
-    wide = _PANEL * len(panels) + 0.6
+    wide = _PANEL * (len(panels) + bool(sets)) + 0.6
     keys = style.keys(solution.joint_names, "together, at the object", "each arm alone, at its tip")
     columns, rows = style.legend_grid(keys, wide)
     above, below = 1.0, 0.3 + 0.27 * rows
-    tall = min(_PANEL * height / width + above, 7.5) + below
+    beneath = _BENEATH if holding or len(sets) > 1 else 0.0
+    tall = min(_PANEL * height / width + above, 7.5) + below + beneath
+    if sets:
+        tall = max(tall, _PANEL + 0.6 + below + beneath)
     figure = Figure(figsize=(wide, tall))
     axes = figure.subplots(1, len(panels), squeeze=False, sharex=True, sharey=True)[0]
     for ax, panel, parts, scale in zip(axes, panels, placed, scales, strict=True):
         _scene(ax, panel.posture, panel.solution)
         _ellipses(ax, panel, parts, scale)
+        if sets:
+            _forces(ax, panel.posture, _FORCE_SHARE * size)
+            ax.set_anchor("N")
         ax.set_title(_title(panel), loc="left")
         ax.set_xlim(low[0], high[0])
         ax.set_ylim(low[1], high[1])
@@ -70,7 +82,25 @@ def planar_figure(panels: list[Panel], heading: str) -> Figure:
         handles.append(Line2D([], [], color=style.INK, linewidth=1.4, linestyle=":"))
         labels.append("the other one's")
     figure.legend(handles, labels, loc="lower center", ncols=columns, frameon=False)
-    figure.tight_layout(rect=(0, (below - 0.1) / tall, 1, 1 - 0.3 / tall))
+    scenes = len(panels) / (len(panels) + bool(sets))
+    figure.tight_layout(rect=(0, (below - 0.1 + beneath) / tall, scenes, 1 - 0.3 / tall))
+    # What has places of its own comes after what is laid out by its size.
+    right = 1 - 0.2 / wide
+    if sets:
+        side = figure.add_gridspec(
+            1, 1, left=scenes + 0.6 / wide, right=right, bottom=(below + beneath + 0.5) / tall,
+            top=1 - 1.0 / tall,
+        )  # fmt: skip
+        draw_set(figure, side[0, 0], sets[0], columns=2)
+    if beneath:
+        row = figure.add_gridspec(
+            1, len(sets[1:]) + bool(holding), left=0.6 / wide, right=right,
+            bottom=(below + 0.5) / tall, top=(below + beneath - 0.8) / tall,
+        )  # fmt: skip
+        for k, each in enumerate(sets[1:]):
+            draw_set(figure, row[0, k], each, columns=0)
+        if holding:
+            draw_shares(figure.add_subplot(row[0, -1]), holding)
     return figure
 
 
@@ -150,6 +180,17 @@ def _ellipses(
         ax.plot(
             *curve.T, color=style.SYSTEM, linewidth=2.2, zorder=6, label="together, at the object"
         )
+
+
+def _forces(ax: Axes, posture: Posture, length: float) -> None:
+    """The contact forces on the object that hold it, the largest of them so long, m."""
+    arrows, words = holding_arrows(posture, length)
+    for tail, head in arrows:
+        ax.annotate("", tuple(head), tuple(tail), zorder=7,
+                    arrowprops={"arrowstyle": "-|>", "color": style.INK, "linewidth": 1.8,
+                                "shrinkA": 0, "shrinkB": 0, "mutation_scale": 14})  # fmt: skip
+    if arrows:
+        ax.plot([], [], color=style.INK, linewidth=1.8, label=words)
 
 
 def _outline(posture: Posture, solution: Solution) -> Array | None:

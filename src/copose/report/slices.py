@@ -10,11 +10,8 @@ import numpy as np
 from copose.capability import Ellipsoid
 from copose.poses import Array
 from copose.problem import SPACES
+from copose.report.style import ANGULAR_AXES, LINEAR_AXES, numbers
 from copose.results import EllipsoidRecord, Solution
-
-# Which world axis a task coordinate is along, or about.
-_LINEAR = {"x": 0, "y": 1, "z": 2}
-_ANGULAR = {"roll": 0, "pitch": 1, "yaw": 2, "angle": 2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +54,12 @@ class Slice:
 
 def linear_slice(record: EllipsoidRecord, names: Sequence[str]) -> Slice | None:
     """The slice of pure linear accelerations of an ellipsoid in the named coordinates."""
-    return _slice(record, names, _LINEAR)
+    return _slice(record, names, LINEAR_AXES)
 
 
 def angular_slice(record: EllipsoidRecord, names: Sequence[str]) -> Slice | None:
     """The slice of pure angular accelerations."""
-    return _slice(record, names, _ANGULAR)
+    return _slice(record, names, ANGULAR_AXES)
 
 
 def _slice(record: EllipsoidRecord, names: Sequence[str], world: dict[str, int]) -> Slice | None:
@@ -71,6 +68,11 @@ def _slice(record: EllipsoidRecord, names: Sequence[str], world: dict[str, int])
     if ellipsoid is None or not rows:
         return None
     return Slice(ellipsoid.sliced(rows), tuple(world[names[i]] for i in rows))
+
+
+def semi_axes(part: Slice | None) -> str:
+    """Semi-axes, longest first; – where there is no slice."""
+    return "–" if part is None else numbers(tuple(part.ellipsoid.radii))
 
 
 def all_coordinates(solution: Solution) -> tuple[str, ...]:

@@ -15,6 +15,10 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from copose.poses import Array, rotation_rows
 from copose.problem import SPACES
 from copose.report import style
+from copose.report.exact_sets import draw_set, legend_below, set_pictures
+from copose.report.forces import holding_arrows
+from copose.report.frames import frame, roomy
+from copose.report.shares import draw_shares, share_panels
 from copose.report.slices import Slice, angular_slice, linear_slice
 from copose.report.style import Panel
 from copose.results import EllipsoidRecord, Posture, Solution
@@ -22,6 +26,8 @@ from copose.results import EllipsoidRecord, Posture, Solution
 # The longest semi-axis drawn, and how high the angular slice floats, as shares of the scene.
 _ELLIPSE_SHARE = 0.18
 _LIFT = 0.42
+# The longest contact force drawn, alike.
+_FORCE_SHARE = 0.16
 
 
 @dataclass(frozen=True)
@@ -49,29 +55,57 @@ class _Kind:
 
 
 def spatial_figure(panels: list[Panel], heading: str) -> Figure:
-    """Scenes with the ellipsoid's linear and angular slices, and their semi-axes as bars."""
-    kinds = _kinds(panels)
-    figure = Figure(figsize=(11, 8.2 if kinds else 6.2))
+    """Scenes with the ellipsoid's linear and angular slices, and their semi-axes as bars.
+
+    Beside them what torque limits allow, where the results say so: exact sets and shares.
+    """
+    kinds, sets, holding = _kinds(panels), set_pictures(panels), share_panels(panels)
+    # Shares stand beside the semi-axes of one posture, below those of several.
+    apart = bool(holding) and (len(panels) > 1 or not kinds)
+    rows = [3.6] + [1.0] * bool(kinds) + [1.0] * apart
+    count = len(panels) + len(sets)
+    tall = 4.2 + 2.0 * len(rows) + 0.6 * bool(sets or apart)
+    figure = Figure(figsize=(5.5 * max(count, 2), tall))
     grid = figure.add_gridspec(
-        2 if kinds else 1, 2 * len(panels), height_ratios=[3.6, 1] if kinds else [1],
-        left=0.03, right=0.94, bottom=0.06, top=0.88, hspace=0.16, wspace=0.3,
+        len(rows), 2 * len(panels), height_ratios=rows, left=0.03, right=0.94,
+        bottom=0.08 if holding else 0.06, top=0.88, hspace=0.3 if sets or apart else 0.16,
+        wspace=0.3,
     )  # fmt: skip
+    places = [grid[0, 2 * k : 2 * k + 2] for k in range(len(panels))]
+    span = 2 * len(panels) // max(len(kinds), 1)
+    bars = [grid[1, span * k : span * (k + 1)] for k in range(len(kinds))]
+    if sets:
+        top = grid[0, :].subgridspec(1, count, wspace=0.2)
+        places = [top[0, k] for k in range(count)]
+    if apart:
+        bars.append(grid[-1, :])
+    elif holding:
+        parts = [1] * len(kinds) + [2]
+        below = grid[1, :].subgridspec(1, len(parts), width_ratios=parts, wspace=0.16)
+        bars = [below[0, k] for k in range(len(parts))]
     low, high = _extent(panels, kinds)
     for k, panel in enumerate(panels):
-        ax: Any = figure.add_subplot(grid[0, 2 * k : 2 * k + 2], projection="3d")
-        _scene(ax, panel.posture, panel.solution, low, high)
+        ax: Any = figure.add_subplot(places[k], projection="3d")
+        _scene(ax, panel.posture, panel.solution)
+        frame(ax, low, high, ("x, m", "y, m", "z, m"))
         for kind in kinds:
             _draw_slice(ax, panel, kind, kind.scales[k])
             if panel.other is not None:
                 _draw_slice(ax, panel.other, kind, kind.scales[k], outline=True)
         if panel.other is not None:
             ax.plot([], [], color=style.INK, linewidth=1, label="the other one's ellipsoids")
-        ax.legend(loc="upper right", frameon=False, fontsize=9)
-        ax.set_title(_title(panel), loc="left", y=0.99)
-    span = 2 * len(panels) // max(len(kinds), 1)
-    for k, kind in enumerate(kinds):
-        bars = figure.add_subplot(grid[1, span * k : span * (k + 1)])
-        _bars(bars, panels, kind)
+        if sets:
+            _forces(ax, panel.posture, _FORCE_SHARE * float((high - low).max()))
+            legend_below(ax, *ax.get_legend_handles_labels(), columns=2, points=8)
+        else:
+            ax.legend(loc="upper right", frameon=False, fontsize=9)
+        ax.set_title(_title(panel), loc="left", y=0.96 if sets else 0.99)
+    for each, place in zip(sets, places[len(panels) :], strict=True):
+        draw_set(figure, place, each, columns=3)
+    for kind, place in zip(kinds, bars, strict=False):
+        _bars(figure.add_subplot(place), panels, kind)
+    if holding:
+        draw_shares(figure.add_subplot(bars[-1]), holding)
     figure.suptitle(heading, fontweight="bold", x=0.02, y=0.985, ha="left")
     for k, kind in enumerate(kinds):
         where = ", lifted above the object" if kind.lift else " at the object"
@@ -144,7 +178,7 @@ def _bars(ax: Axes, panels: list[Panel], kind: _Kind) -> None:
                   ncols=len(panels), borderaxespad=0.1)  # fmt: skip
 
 
-def _scene(ax: Any, posture: Posture, solution: Solution, low: Array, high: Array) -> None:
+def _scene(ax: Any, posture: Posture, solution: Solution) -> None:
     for corners in _faces(posture, solution):
         face = Poly3DCollection([corners], facecolor=style.OBJECT, edgecolor=style.INK,
                                 linewidth=0.5, alpha=0.35)  # fmt: skip
@@ -165,16 +199,15 @@ def _scene(ax: Any, posture: Posture, solution: Solution, low: Array, high: Arra
             ax.plot(*grasp[:, None], marker="x", markersize=8, color=style.INK)
         elif solution.problem.shape is None:
             ax.plot(*np.array([grasp, center]).T, color=style.OBJECT, linewidth=1.5)
-    ax.set_xlim(low[0], high[0])
-    ax.set_ylim(low[1], high[1])
-    ax.set_zlim(low[2], high[2])
-    ax.set_box_aspect(high - low, zoom=1.0)
-    ax.view_init(elev=18, azim=-62)
-    ax.locator_params(nbins=4)
-    ax.tick_params(labelsize=8, pad=-1)
-    ax.set_xlabel("x, m", labelpad=0)
-    ax.set_ylabel("y, m", labelpad=-2)
-    ax.set_zlabel("z, m", labelpad=1)
+
+
+def _forces(ax: Any, posture: Posture, length: float) -> None:
+    """The contact forces on the object that hold it, the largest of them so long, m."""
+    arrows, words = holding_arrows(posture, length)
+    for tail, head in arrows:
+        ax.quiver(*tail, *(head - tail), color=style.INK, linewidth=1.8, arrow_length_ratio=0.3)
+    if arrows:
+        ax.plot([], [], color=style.INK, linewidth=1.8, label=words)
 
 
 def _draw_slice(ax: Any, panel: Panel, kind: _Kind, scale: float, outline: bool = False) -> None:
@@ -253,9 +286,4 @@ def _extent(panels: list[Panel], kinds: list[_Kind]) -> tuple[Array, Array]:
             part = kind.of(panel)
             if part is not None:
                 points.append((kind.center(panel) + scale * part.surface).reshape(-1, 3))
-    stacked = np.vstack(points)
-    low, high = stacked.min(axis=0), stacked.max(axis=0)
-    size = float((high - low).max())
-    # A flat scene still needs a box to be drawn in.
-    thin = np.maximum(0.35 * size - (high - low), 0.0) / 2
-    return low - thin - 0.03 * size, high + thin + 0.03 * size
+    return roomy(np.vstack(points))

@@ -19,6 +19,8 @@ MISS = "nearest miss"
 OBJECT = "#BBBBBB"
 INK = "#222222"
 BEFORE = "#9A9A9A"
+EXACT = "#5F7F9F"
+OVER = "#C00000"
 
 RC: Any = {
     "font.size": 11,
@@ -31,6 +33,13 @@ RC: Any = {
     "text.parse_math": False,
 }
 
+# Which world axis a task coordinate is along, or about.
+LINEAR_AXES = {"x": 0, "y": 1, "z": 2}
+ANGULAR_AXES = {"roll": 0, "pitch": 1, "yaw": 2, "angle": 2}
+
+# Kinds of objectives that torque limits decide.
+LIMITED = ("acceleration", "payload", "all-round")
+
 # A tip farther than this from its grasp, m or rad, does not hold the object.
 OPEN = 1e-6
 
@@ -39,6 +48,12 @@ def units(solution: Solution) -> tuple[str, str]:
     """Units of linear and of angular semi-axes: per unit torque, or at the torque limits."""
     per = "" if solution.problem.torque_scaling == "limits" else " per N·m"
     return f"m/s²{per}", f"rad/s²{per}"
+
+
+def plain_unit(names: Iterable[str]) -> str:
+    """The unit of accelerations along some coordinates."""
+    kinds = {name in ANGULAR_AXES for name in names}
+    return ", ".join(("m/s²", "rad/s²")[kind] for kind in sorted(kinds))
 
 
 @dataclass(frozen=True)
@@ -99,15 +114,43 @@ def measure_word(solution: Solution) -> str:
     return {1: "length", 2: "area"}.get(len(solution.problem.axes), "volume")
 
 
+def objective_name(solution: Solution) -> str:
+    """What the value of a result's objective is called."""
+    kind = solution.objective.kind
+    return {
+        "volume": "log-volume",
+        "velocity-volume": "velocity log-volume",
+        "force-volume": "force log-volume",
+        "all-round": "acceleration all round",
+    }.get(kind, kind)
+
+
+def objective_unit(solution: Solution) -> str:
+    """The unit of a result's objective; empty of logarithms and ratios."""
+    unit = solution.objective.unit
+    return "" if unit in ("1", "log") else unit
+
+
 def value_words(solution: Solution, posture: Posture) -> str:
     """A posture's objective where it is not the volume, else its log-volume."""
     objective = solution.objective
     value = objective.before if posture is solution.before else objective.after
+    if value is None and objective.kind in LIMITED:
+        return f"no {objective_name(solution)}"
     if objective.kind == "volume" or value is None:
         volume = posture.ellipsoid.log_volume
         return f"{measure_word(solution)} 0" if volume is None else f"log-volume {volume:.3f}"
-    unit = "" if objective.unit in ("1", "log") else f" {objective.unit}"
-    return f"{objective.kind} {value:.4g}{unit}"
+    return f"{objective_name(solution)} {value:.4g} {objective_unit(solution)}".rstrip()
+
+
+def largest_share(shares: dict[str, tuple[float, ...]]) -> float:
+    """Of the joints' torque limits, over all arms."""
+    return max(max(mine) for mine in shares.values())
+
+
+def percent(share: float) -> str:
+    """A share without the sign."""
+    return f"{100 * share:.1f}"
 
 
 def arm_colors(posture: Posture) -> dict[str, str]:
@@ -141,26 +184,44 @@ def legend_grid(entries: list[str], inches: float) -> tuple[int, int]:
 
 
 def gain_words(solution: Solution) -> str:
-    """A gain in plain words: ``volume ×2.3``; empty where there is none to tell."""
+    """A gain in plain words: ``volume ×2.3``; empty where there is none to tell.
+
+    From 0 or a negative value there is no ratio: ``acceleration +59 m/s²``.
+    """
     before, after = solution.objective.before, solution.objective.after
     if before is None or after is None:
         return ""
-    if solution.objective.unit == "log":
-        ratio = math.exp(after - before) if after - before < 600 else math.inf
-    else:
-        ratio = after / before if before > 0 else math.inf
+    volume = measure_word(solution)
     word = {
-        "volume": measure_word(solution),
+        "volume": volume,
         "task-compatibility": "weighted acceleration",
         "worst-direction": "shortest semi-axis",
         "isotropy": "shortest / longest",
-    }[solution.objective.kind]
+        "velocity-volume": f"velocity {volume}",
+        "force-volume": f"force {volume}",
+    }.get(solution.objective.kind, objective_name(solution))
+    if solution.objective.unit == "log":
+        ratio = math.exp(after - before) if after - before < 600 else math.inf
+    elif before > 0 and after > 0:
+        ratio = after / before
+    else:
+        return f"{word} {after - before:+.3g} {objective_unit(solution)}".rstrip()
     return f"{word} ×{ratio:.3g}"
 
 
 def numbers(values: tuple[float, ...]) -> str:
     """Three digits each."""
     return ", ".join(f"{value:.3g}" for value in values)
+
+
+def three(value: float | None) -> str:
+    """Three digits, as a decimal number where six places do; – where there is no number."""
+    if value is None:
+        return "–"
+    rounded = float(f"{round(value, 9):.3g}") + 0.0
+    if not 1e-3 <= abs(rounded) < 1e6:
+        return f"{rounded:g}"
+    return f"{rounded:.{max(0, 2 - math.floor(math.log10(abs(rounded))))}f}"
 
 
 def round_scale(length: float) -> float:

@@ -11,7 +11,9 @@ from rich.text import Text
 from copose.capability import RESOLUTIONS
 from copose.problem import SPACES
 from copose.report import style
-from copose.report.slices import Slice, angular_slice, linear_slice
+from copose.report.columns import compared_table, plain_table
+from copose.report.limits import limit_rows, limit_tables
+from copose.report.slices import angular_slice, linear_slice, semi_axes
 from copose.results import Solution
 from copose.robots import Arm
 
@@ -25,7 +27,8 @@ def solution_table(solution: Solution) -> RenderableType:
     said = [solution.status, solution.reason] if solution.reason else [solution.status]
     parts.append(_heading(solution.problem.name, ": ".join(map(str, said))))
     if solution.after is not None:
-        parts += [_numbers(solution), _volumes(solution), _joints(solution)]
+        parts += [_numbers(solution), _volumes(solution)]
+        parts += [*limit_tables(solution), _joints(solution)]
     parts.append(Text(_evidence(solution)))
     parts += _notes(solution.notes)
     return Group(*parts)
@@ -43,14 +46,14 @@ def _numbers(solution: Solution) -> Table:
     after = solution.after
     assert after is not None
     compared = solution.before is not None
-    table = _compared(solution, "")
+    table = compared_table(solution, "")
 
     def row(name: str, before: str, now: str, words: str = "") -> None:
         table.add_row(*([name, before, now, words] if compared else [name, now, words]))
 
     objective = solution.objective
-    name = "log-volume" if objective.kind == "volume" else objective.kind
-    row(name, _value(objective.before), _value(objective.after), style.gain_words(solution))
+    said = ": ".join(filter(None, (style.objective_unit(solution), style.gain_words(solution))))
+    row(style.objective_name(solution), _value(objective.before), _value(objective.after), said)
     before = solution.before
     axes = solution.problem.axes
     titles = ("linear semi-axes", "angular semi-axes")
@@ -59,10 +62,12 @@ def _numbers(solution: Solution) -> Table:
         found = part(after.ellipsoid, axes)
         if found is not None:
             was = part(before.ellipsoid, axes) if before is not None else None
-            row(title, _radii(was), _radii(found), unit)
+            row(title, semi_axes(was), semi_axes(found), unit)
     if any(after.ellipsoid.center or ()):
         past = style.numbers(before.ellipsoid.center or ()) if before is not None else ""
         row("centre, at zero torque", past, style.numbers(after.ellipsoid.center or ()), "")
+    for limit in limit_rows(solution):
+        row(*limit)
     space = SPACES[solution.problem.space]
     errors = [p.closure_error for p in (solution.before, after) if p is not None]
     closure = [f"{max(error.values()):.1e}" for error in errors]
@@ -72,7 +77,7 @@ def _numbers(solution: Solution) -> Table:
 
 def _volumes(solution: Solution) -> Table:
     """Both resolutions' volumes, whichever is optimised, and what each assumes."""
-    table = _compared(solution, "log-volume")
+    table = compared_table(solution, "log-volume")
     after, before = solution.after, solution.before
     assert after is not None
     for name, volume in after.log_volumes.items():
@@ -83,21 +88,6 @@ def _volumes(solution: Solution) -> Table:
     return table
 
 
-def _compared(solution: Solution, title: str) -> Table:
-    """A table with a column for each posture and one for words."""
-    table = Table(show_edge=False, pad_edge=False)
-    table.add_column(title)
-    if solution.before is not None:
-        table.add_column("before", justify="right")
-    table.add_column("after" if solution.before is not None else "posture", justify="right")
-    table.add_column("")
-    return table
-
-
-def _radii(part: Slice | None) -> str:
-    return "–" if part is None else style.numbers(tuple(part.ellipsoid.radii))
-
-
 def _value(value: float | None) -> str:
     return "–" if value is None else f"{value:.6f}"
 
@@ -105,9 +95,9 @@ def _value(value: float | None) -> str:
 def _joints(solution: Solution) -> Table:
     after = solution.after
     assert after is not None
-    table = Table(show_edge=False, pad_edge=False)
-    table.add_column("arm")
-    table.add_column("joints after, rad or m" if solution.before is not None else "joints")
+    table = plain_table(
+        "arm", "joints after, rad or m" if solution.before is not None else "joints"
+    )
     for name, positions in after.joints.items():
         table.add_row(Text(name), " ".join(f"{position:.4f}" for position in positions))
     return table

@@ -2,8 +2,10 @@
 
 from copose.results.files import read_solution, to_json, write_file
 from copose.results.solution import (
+    AccelerationRecord,
     ArmRecord,
     EllipsoidRecord,
+    ExactSetRecord,
     FailureRecord,
     ObjectiveRecord,
     Optimum,
@@ -14,14 +16,17 @@ from copose.results.solution import (
     Solution,
     Timing,
     VerificationRecord,
+    WrenchRecord,
     matrix,
     place,
     vector,
 )
 
 __all__ = [
+    "AccelerationRecord",
     "ArmRecord",
     "EllipsoidRecord",
+    "ExactSetRecord",
     "FailureRecord",
     "ObjectiveRecord",
     "Optimum",
@@ -32,6 +37,7 @@ __all__ = [
     "Solution",
     "Timing",
     "VerificationRecord",
+    "WrenchRecord",
     "matrix",
     "place",
     "read_solution",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_serializer, model_validator
@@ -103,8 +103,52 @@ class ArmRecord(Record):
     ellipsoid: EllipsoidRecord
 
 
+class WrenchRecord(Record):
+    """A contact wrench, tip on object, at the tip in world axes, N and N·m.
+
+    Attributes:
+        wrench: h_i, (m,).
+        internal: its part that does nothing to the object, ((I − W⁺W)h)_i with the nonsqueezing W⁺.
+    """
+
+    wrench: Vector
+    internal: Vector
+
+
+class AccelerationRecord(Record):
+    """How far the object can be accelerated along a direction, all other accelerations zero.
+
+    Attributes:
+        direction: unit, over all coordinates of the task.
+        value: m/s², or rad/s² along an angular direction; null where none is possible.
+    """
+
+    direction: Vector
+    value: Finite | None
+
+
+class ExactSetRecord(Record):
+    """The exact set of accelerations on some axes, others zero.
+
+    Attributes:
+        axes: coordinates.
+        vertices: its corners; none where the limits allow no such acceleration.
+        residual_radius: of the largest ball around rest in it, 0 where rest is not inside.
+        ellipsoid: its part that torques reach whose shares of their limits have squares that add
+            up to at most 1; nulls where there is none.
+    """
+
+    axes: tuple[str, ...]
+    vertices: Matrix
+    residual_radius: Finite
+    ellipsoid: EllipsoidRecord
+
+
 class Posture(Record):
     """Joint positions and what they are worth.
+
+    Of what torque limits allow a posture states what was asked for, `copose evaluate` all; null
+    is what does not exist, and a key that nothing asked for is left out.
 
     Attributes:
         joints: rad or m, by arm.
@@ -114,6 +158,14 @@ class Posture(Record):
         ellipsoid: of the system, at the object's centre of mass.
         log_volumes: by resolution, whichever is optimised.
         arms: each arm's own.
+        payload: kg, the largest mass of the object that can be held still, or accelerated as the
+            objective asks.
+        static_torque: share of each joint's limit in the hold whose largest share is smallest.
+        residual_radius: of the largest ball of accelerations around rest.
+        accelerations: the largest along directions.
+        wrenches: of each extreme that is reported, by its name and by arm.
+        exact_sets: linear and angular.
+        companions: ellipsoids of velocities and forces, by name.
     """
 
     joints: dict[str, Vector]
@@ -122,6 +174,18 @@ class Posture(Record):
     ellipsoid: EllipsoidRecord
     log_volumes: dict[str, Finite | None]
     arms: dict[str, ArmRecord]
+    payload: Finite | None = None
+    static_torque: dict[str, Vector] | None = None
+    residual_radius: Finite | None = None
+    accelerations: tuple[AccelerationRecord, ...] | None = None
+    wrenches: dict[str, dict[str, WrenchRecord]] | None = None
+    exact_sets: dict[str, ExactSetRecord] | None = None
+    companions: dict[str, EllipsoidRecord] | None = None
+
+    @model_serializer(mode="wrap")
+    def _as_asked(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        return {key: value for key, value in data.items() if key in self.model_fields_set}
 
 
 class ObjectiveRecord(Record):

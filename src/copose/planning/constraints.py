@@ -1,0 +1,37 @@
+"""What must hold at a posture, as data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from copose.mechanics import System
+from copose.poses import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Constraint:
+    """lower ≤ expression ≤ upper, with a name to report it by."""
+
+    name: str
+    expression: ca.SX
+    lower: Array
+    upper: Array
+    unit: str
+
+
+def equality(name: str, expression: ca.SX, unit: str) -> Constraint:
+    """The constraint that an expression vanishes."""
+    zero = np.zeros(expression.numel())
+    return Constraint(name, expression, zero, zero, unit)
+
+
+def closure_constraints(system: System) -> tuple[Constraint, ...]:
+    """Every tip at its grasp: the residuals of `System.closure` are zero."""
+    unit = "m, rad" if system.space.rigid else "m"
+    return tuple(
+        equality(f"closure of arm {arm.arm.name}", system.closure(i), unit)
+        for i, arm in enumerate(system.arms)
+    )

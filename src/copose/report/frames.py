@@ -1,0 +1,44 @@
+"""Axes in space that all pictures share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from copose.poses import Array
+
+# The direction that pictures are seen from, degrees.
+_ELEVATION, _AZIMUTH = 18, -62
+
+
+def roomy(points: Array) -> tuple[Array, Array]:
+    """The box around points, (k, 3), with a margin; a flat one is made thicker to be drawn in."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = float((high - low).max())
+    thin = np.maximum(0.35 * size - (high - low), 0.0) / 2
+    return low - thin - 0.03 * size, high + thin + 0.03 * size
+
+
+def frame(ax: Any, low: Array, high: Array, labels: Sequence[str]) -> None:
+    """Axes from low to high at one scale, seen from where all pictures are."""
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(low[1], high[1])
+    ax.set_zlim(low[2], high[2])
+    ax.set_box_aspect(high - low, zoom=1.0)
+    ax.view_init(elev=_ELEVATION, azim=_AZIMUTH)
+    ax.locator_params(nbins=4)
+    ax.tick_params(labelsize=8, pad=-1)
+    ax.set_xlabel(labels[0], labelpad=0)
+    ax.set_ylabel(labels[1], labelpad=-2)
+    ax.set_zlabel(labels[2], labelpad=1)
+
+
+def view_axes() -> Array:
+    """Unit vectors to the right, up and towards the eye, (3, 3), as `frame` is seen from afar."""
+    elevation, azimuth = np.radians((_ELEVATION, _AZIMUTH))
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    flat = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    to_eye = np.cos(elevation) * flat + np.array([0.0, 0.0, np.sin(elevation)])
+    return np.array([right, np.cross(to_eye, right), to_eye])

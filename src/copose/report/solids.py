@@ -1,0 +1,75 @@
+"""Convex solids as faces and edges."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from copose.poses import Array
+
+# Triangles lie in one face where their normals and distances agree to so many digits.
+_DIGITS = 7
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """The convex hull of points in space.
+
+    Attributes:
+        faces: corners of each, in order, (k, 3).
+        normals: unit, outwards, (f, 3).
+        edges: ends of each, (e, 2, 3).
+        sides: the two faces that meet in it, (e, 2).
+    """
+
+    faces: tuple[Array, ...]
+    normals: Array
+    edges: Array
+    sides: Array
+
+    def outline(self, view: Array) -> Array:
+        """Corners, in order, of what is seen from afar; view: the axes of the picture, (2, 3)."""
+        points = np.vstack(self.faces)
+        return np.asarray(points[ConvexHull(points @ view.T).vertices])
+
+    @classmethod
+    def of(cls, points: Array) -> Solid | None:
+        """The hull of points, (k, 3); None of points in a plane."""
+        if len(points) < 4:
+            return None
+        middle = points.mean(axis=0)
+        _, extents, rows = np.linalg.svd(points - middle, full_matrices=False)
+        # Qhull is to see no direction as thin.
+        even = rows.T / np.maximum(extents, 1e-300)
+        try:
+            hull = ConvexHull((points - middle) @ even)
+        except QhullError:
+            return None
+        planes, of_plane = np.unique(np.round(hull.equations, _DIGITS), axis=0, return_inverse=True)
+        normals = planes[:, :3] @ even.T
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        borders: dict[tuple[int, int], list[int]] = defaultdict(list)
+        for triangle, plane in zip(hull.simplices, of_plane.ravel(), strict=True):
+            for pair in combinations(sorted(triangle.tolist()), 2):
+                borders[pair].append(int(plane))
+        edges = {pair: sides for pair, sides in borders.items() if sides[0] != sides[1]}
+        corners: dict[int, set[int]] = defaultdict(set)
+        for pair, sides in edges.items():
+            for side in sides:
+                corners[side].update(pair)
+        faces = tuple(
+            _around(points[sorted(corners[k])], normal) for k, normal in enumerate(normals)
+        )
+        return cls(faces, normals, points[np.array(list(edges))], np.array(list(edges.values())))
+
+
+def _around(corners: Array, normal: Array) -> Array:
+    """Corners of a face in order."""
+    arms = corners - corners.mean(axis=0)
+    first = arms[0] / np.linalg.norm(arms[0])
+    angle = np.arctan2(arms @ np.cross(normal, first), arms @ first)
+    return np.asarray(corners[np.argsort(angle)])

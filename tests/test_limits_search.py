@@ -1,0 +1,171 @@
+"""Searches for what torque limits decide: nothing that a sample has is missed."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import copose
+from cells import closed_postures, tables, toml
+from copose.cli import main
+from copose.planning.cell import Cell
+from copose.problem import parse
+from test_torque_limits import SPACES, cell_of
+
+KINDS = {
+    "acceleration": {"kind": "acceleration"},
+    "several": {"kind": "acceleration"},
+    "payload": {"kind": "payload"},
+    "all-round": {"kind": "all-round"},
+}
+
+
+def objective(name: str, space: str) -> dict:
+    m = {"spatial": 6, "planar-linear": 2}.get(space, 3)
+    flat = space.startswith("planar")
+    wanted = dict(KINDS[name])
+    sides = np.eye(m)[: 2 if flat else 3]
+    if name == "acceleration":
+        wanted["direction"] = sides[-1].tolist()
+    if name == "several":
+        wanted["directions"] = [sides[0].tolist(), (-sides[-1]).tolist()]
+    if name == "all-round":
+        wanted["axes"] = ["x", "y"] if flat else ["x", "y", "z"]
+    return wanted
+
+
+def sampled(cell: dict, planner: copose.Planner, count: int) -> float:
+    """The best of all pairs of closed postures that were drawn at random."""
+    ready = Cell.of(parse(cell))
+    one, other = (closed_postures(ready, i, 2048, seed=7)[:count] for i in range(2))
+    names, best = [arm.name for arm in ready.arms], -np.inf
+    for row in one:
+        measured = planner.measure({names[0]: np.tile(row, (len(other), 1)), names[1]: other})
+        values = np.where(np.isfinite(measured.objective), measured.objective, -np.inf)
+        if measured.share is not None:
+            values = np.where(measured.share <= 1, values, -np.inf)
+        best = max(best, float(values.max()))
+    return best
+
+
+@pytest.mark.parametrize("name", ["acceleration", "several", "payload"])
+@pytest.mark.parametrize("space", SPACES)
+def test_no_sampled_posture_is_better(space: str, name: str) -> None:
+    cell = cell_of(space, objective=objective(name, space))
+    planner = copose.Planner(parse(cell))
+    best = sampled(cell, planner, 60)
+    for seed in range(2):
+        solution = planner.solve(seed=seed)
+        assert solution.status == "solved" and solution.objective.after >= best
+        assert copose.verify(parse(cell), solution) == ()
+        assert solution.search.best_sample <= solution.objective.after
+
+
+@pytest.mark.parametrize("space", ["planar", "planar-linear"])
+def test_all_round_is_the_distance_of_the_nearest_facet(space: str) -> None:
+    """Against the sample, and against directional linear programs around the posture found."""
+    cell = cell_of(space, objective=objective("all-round", space))
+    planner = copose.Planner(parse(cell))
+    solution = planner.solve(seed=1)
+    assert solution.objective.after >= sampled(cell, planner, 25)
+    assert solution.after.residual_radius == solution.objective.after
+    around = copose.evaluate(parse(cell), solution.after.joints).after.exact_sets["linear"]
+    corners = np.array(around.vertices)
+    edges = np.roll(corners, -1, axis=0) - corners
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    assert np.sum(normals * corners, axis=1).min() == pytest.approx(solution.objective.after)
+
+
+def test_local_optima_are_maxima_among_closed_postures_beside_them() -> None:
+    """Optimality of the program's answer, by the linear programs of postures around it."""
+    cell = cell_of("spatial", objective=objective("acceleration", "spatial"))
+    planner = copose.Planner(parse(cell))
+    solution = planner.solve(seed=0)
+    rng = np.random.default_rng(0)
+    machinery, setting = planner._machinery, planner._nominal
+    from copose.planning.closing import project
+
+    beside = []
+    for i, (kernels, q) in enumerate(
+        zip(machinery.arms, solution.after.joints.values(), strict=True)
+    ):
+        near = np.array(q) + rng.normal(scale=3e-3, size=(80, len(q)))
+        low, high = setting.lower[i], setting.upper[i]
+        beside.append(project(kernels, near, setting.placement.goals[i], low, high)[0])
+    values = machinery.objectives(setting, np.hstack(beside))
+    assert values.max() <= solution.objective.after + 1e-7
+    assert values.min() < solution.objective.after - 1e-4
+
+
+@pytest.mark.parametrize("kind", ["volume", "worst-direction", "payload"])
+def test_what_must_be_held_is_held(kind: str) -> None:
+    """Near the heaviest mass every answer holds the object, and none that does is better."""
+    cell = tables("panda-heavy")
+    cell["objective"] = {"kind": kind} | ({} if kind == "payload" else {"axes": ["x", "y", "z"]})
+    cell["object"]["mass"] = 78.0
+    planner = copose.Planner(parse(cell))
+    best = sampled(cell, planner, 60)
+    solution = planner.solve()
+    shares = [share for arm in solution.after.static_torque.values() for share in arm]
+    assert max(shares) <= 1 + 1e-6
+    assert solution.objective.after >= best
+    free = {key: value for key, value in cell.items() if key != "constraints"}
+    assert copose.solve(parse(free)).objective.after >= solution.objective.after - 1e-7
+
+
+def test_a_box_too_heavy_to_hold(tmp_path, monkeypatch, capsys) -> None:
+    """Exit 3, with the joint that gives way and the mass that would be possible."""
+    monkeypatch.chdir(tmp_path)
+    cell = tables("panda-heavy")
+    cell["object"]["mass"] = 90.0
+    (tmp_path / "p.toml").write_text(toml(cell))
+    assert main(["solve", "p.toml", "--quiet"]) == 3
+    said = capsys.readouterr().err
+    result = json.loads((tmp_path / cell["name"] / "result.json").read_text())
+    assert result["status"] == "infeasible" and result["after"] is None
+    assert "panda_joint" in said and "gives way" in result["reason"]
+    possible = float(result["reason"].split("a mass of ")[1].split(" kg")[0])
+    for mass, status in ((possible - 0.05, "solved"), (possible + 0.05, "infeasible")):
+        cell["object"]["mass"] = mass
+        assert copose.solve(parse(cell)).status == status
+
+
+def test_an_acceleration_that_no_posture_has() -> None:
+    cell = cell_of("spatial", objective={"kind": "acceleration", "direction": [1, 0, 0, 0, 0, 0]})
+    cell["object"]["mass"] = 500.0
+    solution = copose.solve(parse(cell))
+    assert (
+        solution.status == "infeasible" and "no acceleration as it is asked for" in solution.reason
+    )
+
+
+@pytest.mark.parametrize("key", ["torque_limits", "gravity"])
+def test_what_limits_need_is_asked_for(key: str) -> None:
+    cell = cell_of("planar", objective={"kind": "payload"})
+    if key == "gravity":
+        del cell["world"]
+        message = "world.gravity: is 0; payload needs gravity"
+    else:
+        del cell["arms"][1]["torque_limits"]
+        message = (
+            r"arms\[1\].torque_limits: objective 'payload' needs a torque limit on every joint"
+        )
+    with pytest.raises(copose.InputError, match=message):
+        copose.check(parse(cell))
+    cell["objective"] = {"kind": "volume"}
+    after = copose.evaluate(parse(cell), copose.solve(parse(cell)).after.joints).after
+    assert after.payload is None
+
+
+def test_the_same_seed_gives_the_same_bits_and_a_moved_object_builds_nothing() -> None:
+    cell = cell_of("spatial", objective=objective("acceleration", "spatial"))
+    planner = copose.Planner(parse(cell))
+    one, other = (planner.solve(seed=5).model_dump(exclude={"timing"}) for _ in range(2))
+    assert one == other
+    moved = {"position": [0.52, 0.02, 0.45]}
+    cell["object"]["position"] = moved["position"]
+    fresh = copose.solve(parse(cell)).objective.after
+    assert planner.solve(object_pose=moved).objective.after == pytest.approx(fresh, rel=1e-9)

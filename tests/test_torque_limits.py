@@ -1,0 +1,271 @@
+"""What torque limits allow against linear programs over torques alone, from Pinocchio's numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+
+import copose
+from cells import closed_postures, planar, two_pandas
+from copose.capability.linear_programs import maximise_first
+from copose.capability.torque_limits import inner_polyhedron
+from copose.planning.allowances import Allowance
+from copose.planning.cell import Cell
+from copose.planning.machinery import Machinery
+from copose.problem import parse
+from reference import Problem as Truth
+
+SPACES = ["spatial", "spatial-linear", "planar", "planar-linear"]
+EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+
+
+def cell_of(space: str, arms: int = 2, **more: object) -> dict:
+    """Two Pandas, or planar arms that work against gravity."""
+    if space.startswith("spatial"):
+        return two_pandas(space) | more
+    cell = planar(arms, 4, space)
+    cell["world"] = {"gravity": [0.0, -9.81]}
+    for arm in cell["arms"]:
+        arm["torque_limits"] = [30.0, 25.0, 20.0, 15.0]
+    return cell | more
+
+
+def postures(cell: dict, count: int) -> tuple[Truth, list[dict]]:
+    ready = Cell.of(parse(cell))
+    K = len(ready.arms)
+    samples = [closed_postures(ready, i, 256) for i in range(K)]
+    names = [arm.name for arm in ready.arms]
+    truth = Truth(cell, {arm.name: list(arm.joint_names) for arm in ready.arms})
+    return truth, [dict(zip(names, (s[k] for s in samples), strict=True)) for k in range(count)]
+
+
+def farthest_of_torques(
+    truth: Truth,
+    joints: dict,
+    fixed: np.ndarray,
+    per_t: np.ndarray,
+    load: np.ndarray,
+    load_per_t: np.ndarray,
+) -> float | None:
+    """Max t over torques: the contact wrenches follow from the forward dynamics of every arm.
+
+    h = Λ(J M⁻¹(τ − g) − Wᵀa), a = fixed + per_t t, and X h = load + load_per_t t.
+    """  # fmt: skip
+    M, J, g, W, X, _ = truth.at_rest(joints)
+    T = truth.torque_limits()
+    back = J @ np.linalg.inv(M)
+    inertia = np.linalg.inv(back @ J.T)
+    A = np.column_stack([X @ inertia @ back, -X @ inertia @ W.T @ per_t - load_per_t])
+    b = load + X @ inertia @ (back @ g + W.T @ fixed)
+    # Where contacts cannot exert a moment at all its row is empty, and must be.
+    scale = np.abs(A).max(axis=1)
+    cost = np.zeros(len(T) + 1)
+    cost[-1] = -1.0
+    bounds = [*((-x, x) for x in T), (None, None)]
+    kept = scale > 1e-9
+    assert np.allclose(b[~kept], 0)
+    rows = A[kept] / scale[kept, None], b[kept] / scale[kept]
+    answer = linprog(cost, A_eq=rows[0], b_eq=rows[1], bounds=bounds, options=EXACT)
+    return float(answer.x[-1]) if answer.success else None
+
+
+def padded(vector: np.ndarray, size: int) -> np.ndarray:
+    return np.concatenate([vector, np.zeros(size - len(vector))])
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_accelerations_and_payload_of_random_postures(space: str) -> None:
+    """To 1e-7 relative, with gravity, other accelerations zero, moments balanced."""
+    cell = cell_of(space)
+    truth, drawn = postures(cell, 6)
+    m, mass, unknown = len(truth.rows), cell["object"]["mass"], 0
+    for joints in drawn:
+        after = copose.evaluate(parse(cell), joints).after
+        weight = truth.at_rest(joints)[-1]
+        for record in after.accelerations:
+            u = np.array(record.direction)
+            force = padded(truth.M_o @ u, len(weight))
+            expected = farthest_of_torques(truth, joints, 0 * u, u, weight, force)
+            assert (record.value is None) == (expected is None)
+            unknown += expected is None
+            if expected is not None:
+                assert record.value == pytest.approx(expected, rel=1e-7, abs=1e-7)
+        nothing = np.zeros(m)
+        expected = farthest_of_torques(truth, joints, nothing, nothing, 0 * weight, weight / mass)
+        assert after.payload == pytest.approx(expected, rel=1e-7)
+    assert unknown < 3 * len(drawn)
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_payload_while_accelerating(space: str) -> None:
+    cell = cell_of(space)
+    truth, drawn = postures(cell, 3)
+    u = np.zeros(len(truth.rows))
+    u[1] = 1.0
+    cell["objective"] = {"kind": "payload", "acceleration": 1.5, "direction": u.tolist()}
+    mass = cell["object"]["mass"]
+    for joints in drawn:
+        weight = truth.at_rest(joints)[-1]
+        force = padded(truth.M_o @ (1.5 * u), len(weight))
+        expected = farthest_of_torques(
+            truth, joints, 1.5 * u, 0 * u, 0 * weight, (weight + force) / mass
+        )
+        solution = copose.evaluate(parse(cell), joints)
+        assert solution.objective.after == pytest.approx(expected, rel=1e-7)
+        assert solution.after.payload == solution.objective.after
+        assert solution.objective.unit == "kg"
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_static_shares(space: str) -> None:
+    """The largest share at its least, over contact wrenches alone."""
+    cell = cell_of(space)
+    truth, drawn = postures(cell, 5)
+    T = truth.torque_limits()
+    for joints in drawn:
+        _, J, g, _, X, weight = truth.at_rest(joints)
+        rows = np.vstack([J.T, -J.T]) / np.tile(T, 2)[:, None]
+        A = np.column_stack([-np.ones(2 * len(T)), rows])
+        cost = np.zeros(A.shape[1])
+        cost[0] = 1.0
+        answer = linprog(
+            cost, A, np.concatenate([-g / T, g / T]), np.column_stack([0 * weight, X]), weight,
+            (None, None), options=EXACT,
+        )  # fmt: skip
+        after = copose.evaluate(parse(cell), joints).after
+        shares = np.concatenate([after.static_torque[name] for name in joints])
+        assert shares.max() == pytest.approx(answer.x[0], rel=1e-7)
+        # And the wrenches that are reported hold the object with these very torques.
+        h = np.concatenate([after.wrenches["hold"][name].wrench for name in joints])
+        assert np.allclose(X @ h, weight, atol=1e-8)
+        assert np.allclose(np.abs(g + J.T @ h) / T, shares, atol=1e-9)
+
+
+@pytest.mark.parametrize("space", ["spatial-linear", "planar-linear"])
+def test_the_held_object_does_not_spin(space: str) -> None:
+    """In the linear spaces Σ r × f = 0 for every extreme, and without that more would be said."""
+    cell = cell_of(space)
+    truth, drawn = postures(cell, 4)
+    gains = []
+    for joints in drawn:
+        after = copose.evaluate(parse(cell), joints).after
+        M, J, g, W, X, weight = truth.at_rest(joints)
+        m = len(truth.rows)
+        for name, by_arm in after.wrenches.items():
+            f = np.concatenate([by_arm[arm].wrench for arm in joints])
+            assert np.abs((X @ f)[m:]).max() < 1e-7 * max(1.0, np.abs(f).max()), name
+            internal = np.concatenate([by_arm[arm].internal for arm in joints])
+            assert np.abs(W @ internal).max() < 1e-7 * max(1.0, np.abs(f).max()), name
+        back = J @ np.linalg.inv(M)
+        inertia = np.linalg.inv(back @ J.T)
+        T = truth.torque_limits()
+        free = linprog(
+            [*np.zeros(len(T)), -1.0],
+            A_eq=np.column_stack([W @ inertia @ back, -weight[:m] / cell["object"]["mass"]]),
+            b_eq=W @ inertia @ back @ g, bounds=[*((-x, x) for x in T), (None, None)],
+        )  # fmt: skip
+        gains.append(free.x[-1] / after.payload)
+    assert min(gains) > 1 - 1e-9 and max(gains) > 1.01
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_many_postures_at_once_are_worth_what_each_is(space: str) -> None:
+    """The batch of interior-point steps against HiGHS."""
+    m = {"spatial": 6, "planar-linear": 2}.get(space, 3)
+    up = [0.0] * m
+    up[min(m - 1, 2) if space.startswith("spatial") else 1] = 1.0
+    cell = cell_of(space, objective={"kind": "acceleration", "direction": up})
+    ready = Cell.of(parse(cell))
+    machinery = Machinery(ready)
+    setting = machinery.setting(ready)
+    samples = [closed_postures(ready, i, 256)[:40] for i in range(2)]
+    count = min(map(len, samples))
+    q = np.hstack([sample[:count] for sample in samples])
+    many = machinery.objectives(setting, q)
+    allowance = Allowance(ready, machinery.objective, machinery.capacity)
+    for row, value in zip(q, many, strict=True):
+        exact = allowance.asked(ready, ready.system.split(row)).value
+        if exact is None:
+            assert np.isnan(value)
+        else:
+            assert value == pytest.approx(exact, rel=1e-7, abs=1e-7)
+    hold = setting.holding.hold
+    dynamics = machinery.capacity.dynamics(setting.holding, machinery.split(q))
+    shares = dynamics.shares(hold)
+    for k in range(0, count, 7):
+        assert shares[k] == pytest.approx(dynamics.hold(hold, k).value, rel=1e-7)
+
+
+@given(st.integers(0, 10**6), st.integers(2, 9), st.integers(1, 20))
+@settings(max_examples=60, deadline=None)
+def test_small_linear_programs(seed: int, p: int, more: int) -> None:
+    """Batched programs against HiGHS: feasible, infeasible and unbounded ones."""
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(8, p + more, p)) * np.exp(rng.normal(size=p))
+    b = rng.normal(size=(8, p + more)) + 0.7
+    x, _ = maximise_first(A, b)
+    cost = np.zeros(p)
+    cost[0] = -1.0
+    for k in range(8):
+        answer = linprog(cost, A[k], b[k], bounds=(None, None), options=EXACT)
+        if answer.success and abs(answer.x[0]) < 1e4:
+            assert x[k, 0] == pytest.approx(answer.x[0], rel=1e-6, abs=1e-7)
+        elif not answer.success:
+            assert np.isnan(x[k, 0]) or abs(x[k, 0]) > 1e4
+
+
+class TestContactWrenches:
+    """Grips and internal force are bounds on norms, from inside, by many half-spaces."""
+
+    @pytest.mark.parametrize("dimension", [1, 2, 3])
+    def test_the_polyhedron_is_inside_the_ball(self, dimension: int) -> None:
+        normals, depth = inner_polyhedron(dimension)
+        assert np.allclose(np.linalg.norm(normals, axis=1), 1)
+        assert dimension < 3 or len(normals) >= 26
+        rng = np.random.default_rng(0)
+        farthest = 0.0
+        for direction in rng.normal(size=(60, dimension)):
+            answer = linprog(-direction, normals, np.full(len(normals), depth), bounds=(None, None))
+            farthest = max(farthest, np.linalg.norm(answer.x))
+            assert np.linalg.norm(answer.x) <= 1 + 1e-9
+        assert farthest > 1 - 1e-9 and depth > 0.95
+
+    @pytest.mark.parametrize("space", SPACES)
+    def test_bounds_are_kept_and_cost_something(self, space: str) -> None:
+        cell = cell_of(space)
+        _, drawn = postures(cell, 4)
+        loose = [copose.evaluate(parse(cell), joints).after for joints in drawn]
+        rigid = space in ("spatial", "planar")
+        size = {name: i for i, name in enumerate(drawn[0])}
+        linear = 2 if space.startswith("planar") else 3
+        bounded = cell_of(space, constraints={"internal_force": 15.0})
+        for arm in bounded["arms"]:
+            arm["grip"] = {"force": 60.0} | ({"moment": 4.0} if rigid else {})
+        gained = []
+        for joints, before in zip(drawn, loose, strict=True):
+            after = copose.evaluate(parse(bounded), joints).after
+            for by_arm in after.wrenches.values():
+                for name in size:
+                    h, inner = by_arm[name].wrench, by_arm[name].internal
+                    assert np.linalg.norm(h[:linear]) <= 60 + 1e-6
+                    assert np.linalg.norm(h[linear:]) <= 4 + 1e-6
+                    assert np.linalg.norm(inner[:linear]) <= 15 + 1e-6
+            if after.payload is not None:
+                assert after.payload <= before.payload + 1e-7
+                gained.append(before.payload - after.payload)
+        assert max(gained) > 0.01
+
+    def test_the_internal_part_is_what_the_nonsqueezing_inverse_leaves(self) -> None:
+        cell = cell_of("spatial")
+        truth, (joints,) = postures(cell, 1)
+        after = copose.evaluate(parse(cell), joints).after
+        _, _, _, W, _, _ = truth.at_rest(joints)
+        shares = [np.linalg.inv(truth.W(table)) for table in cell["arms"]]
+        inverse = np.vstack(shares) / 2
+        for by_arm in after.wrenches.values():
+            h = np.concatenate([by_arm[arm].wrench for arm in joints])
+            internal = np.concatenate([by_arm[arm].internal for arm in joints])
+            assert np.allclose(internal, h - inverse @ W @ h, atol=1e-9)
