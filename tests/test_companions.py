@@ -50,6 +50,8 @@ def test_companions_of_random_postures(space: str, distribution: str, scaling: s
             found = np.array(after.companions[name].gram)
             size = np.sqrt(np.outer(np.diag(gram), np.diag(gram)))
             assert np.abs((found - gram) / size).max() < 1e-7, name
+            along = after.companions[name].along
+            assert np.allclose(along, np.diag(gram) ** -0.5, rtol=1e-7)
         _, J, _, W, _, _ = truth.at_rest(joints)
         T = truth.torque_limits() if scaling == "limits" else np.ones(J.shape[1])
         V = np.linalg.svd(W)[2][len(W) :].T

@@ -105,7 +105,7 @@ def test_the_whole_set_is_pycapacitys(m: int, N: int) -> None:
         assert mine.reach(3 * u) == pytest.approx(((d + H @ c)[far] / (H @ u)[far]).min(), rel=1e-8)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(st.integers(2, 6), st.integers(0, 3), st.floats(0, 5), st.floats(0, 2), st.integers(0, 999))
 def test_no_torque_leaves_it_and_its_corners_support_it(
     m: int, more: int, spread: float, share: float, seed: int
@@ -132,7 +132,7 @@ def test_no_torque_leaves_it_and_its_corners_support_it(
         assert E.contains(c + (1 + 1e-6) * (top - c), 1e-5)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(
     st.sampled_from(SLICES),
     st.integers(0, 8),
@@ -259,7 +259,7 @@ def test_an_empty_slice_and_one_that_is_a_point(monkeypatch, most: int) -> None:
 
 
 def test_boxes_have_their_corners_whatever_else_is_parallel() -> None:
-    """Equal, opposite and zero columns: dependent choices of them add no corner and lose none."""
+    """Equal, opposite and zero columns: dependent choices of them add no facet and lose none."""
     B = np.hstack([np.eye(3), -np.eye(3), np.eye(3)[:, :1], np.zeros((3, 2))])
     T = np.array([1.0, 2.0, 3.0, 0.5, 0.5, 0.5, 1.0, 9.0, 9.0])
     E = ExactSet.of(B, T, [0.5, 0.0, 0.0])
@@ -267,19 +267,24 @@ def test_boxes_have_their_corners_whatever_else_is_parallel() -> None:
         itertools.product((-2.0, 3.0), (-2.5, 2.5), (-3.5, 3.5))
     )
     assert E.residual_radius == pytest.approx(2.0)
-    assert E.half_spaces[1].max() == pytest.approx(3.5)
+    H, d = E.half_spaces
+    assert d.max() == pytest.approx(3.5)
+    assert len(np.unique(np.round(H, 9), axis=0)) == 6 and np.allclose(np.abs(H).max(axis=1), 1)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
-@given(st.sampled_from([2, 3]), st.integers(3, 11), st.floats(0, 3), st.integers(0, 9999))
-def test_a_corner_of_many_facets_is_told_once(m: int, N: int, stretch: float, seed: int) -> None:
-    """Generators of small integers, many in a plane, turned: a corner is a vector of signs."""
-    rng = np.random.default_rng(seed)
-    Z = np.hstack([np.eye(m), rng.integers(-2, 3, size=(m, N - m))])
-    turn, _ = np.linalg.qr(rng.normal(size=(m, m)))
-    B = turn @ np.diag(np.geomspace(1, 10**stretch, m)) @ Z
-    E = ExactSet.of(B, np.ones(N), rng.normal(size=m))
-    assert len(E.vertices) == len(np.unique(np.sign(rng.normal(size=(50_000, m)) @ Z), axis=0))
+@pytest.mark.parametrize("stretch", [1, 10, 1000])
+@pytest.mark.parametrize("m", [2, 3])
+def test_a_corner_of_many_facets_is_told_once(m: int, stretch: float) -> None:
+    """Generators of small integers, many in a plane, stretched: a corner is a vector of signs."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        N = int(rng.integers(m, 12))
+        Z = np.hstack([np.eye(m), rng.integers(-2, 3, size=(m, N - m))])
+        one, other = (np.linalg.qr(rng.normal(size=(m, m)))[0] for _ in range(2))
+        B = one @ np.diag(np.geomspace(1, stretch, m)) @ other @ Z
+        E = ExactSet.of(B, np.ones(N), rng.normal(size=m))
+        signs = rng.normal(size=(50_000, m)) @ Z > 0
+        assert len(E.vertices) == len(np.unique(signs @ 2 ** np.arange(N)))
 
 
 def test_pieces_that_are_worked_on_one_by_one_make_the_same_set(monkeypatch) -> None:
@@ -326,7 +331,9 @@ def test_units_change_nothing_but_numbers(
     assert uniform.residual_radius == pytest.approx(1e-4 * one.residual_radius, rel=1e-9)
 
 
-@pytest.mark.parametrize(("m", "axes"), [*SLICES, (6, (0, 1, 2, 3, 4, 5)), (6, (0, 1, 2, 3))])
+@pytest.mark.parametrize(
+    ("m", "axes"), [*SLICES[1::2], (6, (0, 1, 2)), (6, (0, 1, 2, 3)), (6, (0, 1, 2, 3, 4, 5))]
+)
 def test_linear_programs_find_what_enumeration_finds(
     monkeypatch, m: int, axes: tuple[int, ...]
 ) -> None:

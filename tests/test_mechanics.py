@@ -73,11 +73,16 @@ def test_pinocchio_agrees(name: str, dressed: bool) -> None:
         mechanics.gravity_torques(gravity),
     ]  # fmt: skip
     function = ca.Function("all", [mechanics.q], outputs)
+    faster, h = ca.SX.sym("faster", len(free)), ca.SX.sym("h", 6)
+    fall = arms[0].base.rotation.T @ gravity
+    rest = ca.Function("rest", [mechanics.q, faster, h], [*mechanics.at_rest(faster, fall, h)])
     truth = UrdfArm(table, free)
     rng = np.random.default_rng(3)
     for _ in range(20):
         q = rng.uniform(np.fmax(arms[0].lower, -np.pi), np.fmin(arms[0].upper, np.pi))
         tip, J, M, g = truth.at(q, gravity)
+        qdd, wrench = rng.normal(size=len(q)), rng.normal(size=6)
+        R_root = np.kron(np.eye(2), arms[0].base.rotation)
         p, R, quaternion, J_ours, M_ours, g_ours = (np.array(x) for x in function(q))
         w, x, y, z = quaternion.ravel()
         R_of_quaternion = np.array(
@@ -94,7 +99,11 @@ def test_pinocchio_agrees(name: str, dressed: bool) -> None:
             (J_ours, J),
             (M_ours, M),
             (g_ours.ravel(), g),
-        ]:
+            *zip(
+                (np.array(x).ravel() for x in rest(q, qdd, R_root.T @ wrench)),
+                (M @ qdd + g + J.T @ wrench, R_root.T @ J @ qdd), strict=True,
+            ),
+        ]:  # fmt: skip
             assert np.abs(ours - theirs).max() <= 1e-12 * max(np.abs(theirs).max(), 1.0)
 
 

@@ -1,6 +1,7 @@
 """The exact set of accelerations under box-shaped torque limits, cut to chosen coordinates.
 
-No library enumerates it: those for robots' polytopes project a zonotope where a slice is wanted.
+Enumerated here because libraries for robots' polytopes know the whole zonotope and its shadows, but
+no slices.
 """
 
 from __future__ import annotations
@@ -83,10 +84,11 @@ class ExactSet:
 
     @cached_property
     def half_spaces(self) -> tuple[Array, Array] | None:
-        """H, unit rows, (k, a), and d, (k,), with slice = {x : H x ≤ d}: no facet is left out.
+        """H, unit rows, (k, a), and d, (k,), with slice = {x : H x ≤ d}, from every facet of Z.
 
-        Some touch the slice in less than a facet, or not at all. Of a slice that a half-space
-        without x excludes, two that contradict each other. None where they would be more than 10⁶.
+        Facets thinner than 10⁻⁹ of their length are left out; those of Z that the slice does not
+        meet are not. Of a slice that a half-space without x excludes, two that contradict each
+        other. None where they would be more than 10⁶.
         """
         if self._facets is None:
             return None
@@ -152,7 +154,8 @@ class ExactSet:
         """Corners of the slice, (k, a): [low, high] if a = 1, counter-clockwise if a = 2.
 
         None, (0, a), of a slice that is empty or does not meet the inside of Z. Where half-spaces
-        are too many to enumerate, points of its surface that are extreme in directions all around.
+        are too many to enumerate, or too near to degenerate for Qhull, points of its surface that
+        are extreme in directions all around.
 
         Raises:
             ValueError: a > 3.
@@ -359,10 +362,10 @@ class ExactSet:
         best = math.inf
         for d, n in (found[i] for i in first[:_STARTS]):
             nearest = d
-            while (hit := self._hit(n)) is not None and hit[2] < nearest * (1 - _SAME):
+            while (hit := self._hit(n)) and hit[2] < nearest - _SAME * abs(nearest):
                 _, n, nearest = hit
             best = min(best, nearest)
-        return best
+        return max(0.0, best)
 
     def _extremes(self) -> Array:
         """Points of the slice's surface that are extreme in directions all around it, (k, a)."""

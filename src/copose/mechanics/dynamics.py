@@ -59,6 +59,44 @@ def gravity_torques(chain: Chain, gravity: Array | ca.SX) -> ca.SX:
     return ca.vertcat(*reversed(torques))
 
 
+def inverse_dynamics(
+    chain: Chain, accelerations: ca.SX, fall: ca.SX, wrench: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Torques M q̈ + g + Jᵀh, (n,), and tip acceleration J q̈, (6,), of an arm at rest.
+
+    Without M and J: what is differentiated stays short. Accelerations of bodies add up from the
+    root outwards, forces and moments about the root origin from the tip inwards.
+
+    Args:
+        chain: the arm's frames.
+        accelerations: q̈, (n,).
+        fall: acceleration of free fall in root axes, m/s², (3,).
+        wrench: h, what the tip exerts, force over moment about its origin, root axes, (6,).
+    """
+    n = chain.arm.n
+    linear, angular = -fall, ca.SX(3, 1)
+    wrenches = []
+    for j in range(n):
+        v, w = _motion(chain, j)
+        linear, angular = linear + v * accelerations[j], angular + w * accelerations[j]
+        body, frame = chain.arm.joints[j].body, chain.frames[j]
+        R = frame.rotation
+        com = frame.position + R @ constant(body.com)
+        force = body.mass * (linear + ca.cross(angular, com))
+        moment = R @ (constant(body.inertia) @ (R.T @ angular))
+        wrenches.append((force, moment + ca.cross(com, force)))
+    tip = chain.tip.position
+    reached = ca.vertcat(linear + fall + ca.cross(angular, tip), angular)
+    torques = []
+    force, moment = wrench[:3], wrench[3:] + ca.cross(tip, wrench[:3])
+    for j in reversed(range(n)):
+        force, moment = force + wrenches[j][0], moment + wrenches[j][1]
+        v, w = _motion(chain, j)
+        own = chain.arm.joints[j].armature * accelerations[j]
+        torques.append(ca.dot(v, force) + ca.dot(w, moment) + own)
+    return ca.vertcat(*reversed(torques)), reached
+
+
 def _motion(chain: Chain, i: int) -> tuple[ca.SX, ca.SX]:
     """Unit-speed motion of joint i: velocity of the point at the root origin, angular velocity."""
     if chain.arm.joints[i].kind == "prismatic":

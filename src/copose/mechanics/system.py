@@ -10,7 +10,7 @@ import numpy as np
 
 from copose.errors import InputError
 from copose.mechanics.chain import Chain, Frame, constant, multiply_quaternions
-from copose.mechanics.dynamics import gravity_torques, mass_matrix
+from copose.mechanics.dynamics import gravity_torques, inverse_dynamics, mass_matrix
 from copose.mechanics.held_object import HeldObject
 from copose.poses import Array
 from copose.problem import Space
@@ -139,6 +139,14 @@ class ArmMechanics:
     def weight_torques(self, fall: ca.SX) -> ca.SX:
         """The same for an acceleration of free fall in root axes, see `Coupling`."""
         return gravity_torques(self.chain, fall)
+
+    def at_rest(self, accelerations: ca.SX, fall: ca.SX, wrench: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """M q̈ + g + Jᵀh, (n,), and J q̈, (m,); fall and the tip's wrench, (m,), in root axes."""
+        rows = list(self.space.rows)
+        whole = ca.SX(6, 1)
+        whole[rows] = wrench
+        torques, reached = inverse_dynamics(self.chain, accelerations, fall, whole)
+        return torques, reached[rows]
 
     def velocity_torques(self, speed: ca.SX) -> ca.SX:
         """Coriolis and centrifugal torques Ṁq̇ − ½ ∂(q̇ᵀMq̇)/∂q at joint speeds q̇, (n,)."""

@@ -88,11 +88,12 @@ def _demand(
     for i, (arm, T) in enumerate(zip(system.arms, limits, strict=True)):
         coupling = system.coupling(i)
         h = ca.SX.sym(f"h_{arm.arm.name}", system.space.m)
-        torque = arm.weight_torques(coupling.fall) + arm.J_root.T @ h
-        if motion is not None:
+        if motion is None:
+            torque, _ = arm.at_rest(ca.SX(arm.arm.n, 1), coupling.fall, h)
+        else:
             faster = ca.SX.sym(f"qdd_{arm.arm.name}", arm.arm.n)
-            torque += arm.M @ faster
-            moved.append(arm.J_root @ faster - coupling.motion @ (motion @ given))
+            torque, reached = arm.at_rest(faster, coupling.fall, h)
+            moved.append(reached - coupling.motion @ (motion @ given))
             speeding.append(faster)
         balance += coupling.balance[rows, :] @ h
         wrenches.append(h)

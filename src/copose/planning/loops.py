@@ -69,11 +69,13 @@ class Loops:
     def _spread(self, q: Array) -> Array:
         """Those of the postures that keep a distance: the others add nothing to a loop."""
         places = self._cell.embedded(self._i, q)
-        left, chosen = np.arange(len(q)), []
-        while len(left):
-            chosen.append(left[0])
-            apart = ((places[left] - places[left[0]]) ** 2).sum(axis=1)
-            left = left[apart > (0.8 * _SPACING) ** 2]
+        square = (places**2).sum(axis=1)
+        near = square[:, None] + square - 2 * places @ places.T <= (0.8 * _SPACING) ** 2
+        free, chosen = np.ones(len(q), dtype=bool), []
+        for row, beside in enumerate(near):
+            if free[row]:
+                chosen.append(row)
+                free &= ~beside
         return np.asarray(q[chosen])
 
     def _project(self, q: Array, steps: int, closed: float) -> tuple[Array, Array]:

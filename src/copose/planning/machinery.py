@@ -27,8 +27,9 @@ from copose.poses import Array, Mask
 
 # s
 _LOOK_AGAIN = 0.5
-# Solves after the first in which demands that a program left out join it.
-_EXCHANGES = 12
+# Solves in which demands that a program left out join it, the part of the way that the next may go
+# after one that led astray, and how little is too little, rad or m.
+_EXCHANGES, _NEARER, _NO_ROOM = 16, 0.3, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,22 +271,50 @@ class Machinery:
             yield from self._programs(setting, q, None)
             return
         demands = objective.nearest(self.capacity, setting.cell, holding, self.split(q))
-        for end, wanted in zip(self._programs(setting, q, demands), demands, strict=True):
-            for _ in range(_EXCHANGES if end.converged else 0):
-                parts = self.split(end.q[None])
-                more = objective.tightened(self.capacity, setting.cell, holding, parts, wanted)
-                if more is None:
-                    break
-                again = next(self._programs(setting, end.q[None], [more]))
-                if not again.converged:
-                    break
-                end, wanted = again, more
-            yield end
+        if not objective.dear:
+            yield from self._programs(setting, q, demands)
+            return
+        for start, wanted in zip(q, demands, strict=True):
+            yield self._exchanged(setting, start, wanted)
+
+    def _exchanged(self, setting: Setting, start: Array, demands: tuple[Demand, ...]) -> LocalSolve:
+        """Runs of IPOPT until no demand is left out, each better than the one before.
+
+        Demands that a run left out join the next. Where a run ends worse than it began, for the
+        demands that count have changed on its way, the next may go less far.
+        """
+        objective, cell, holding = self.objective, setting.cell, setting.holding
+        assert isinstance(objective, LimitsMeasure)
+        assert self.capacity is not None and holding is not None
+        best, value, room = start, self.objectives(setting, start[None])[0], np.inf
+        lower, upper = setting.bounds
+        end = LocalSolve(start, False, "Singular_Start", {})
+        for _ in range(_EXCHANGES):
+            box = np.maximum(lower, best - room), np.minimum(upper, best + room)
+            found = next(self._programs(setting, best[None], [demands], box))
+            if not found.converged:
+                break
+            parts = self.split(found.q[None])
+            there = objective.exact(self.capacity, cell, holding, parts)[0]
+            more = objective.tightened(self.capacity, cell, holding, parts, demands)
+            if there > value or (more is None and end.converged is False):
+                best, value, end = found.q, there, found
+            else:
+                room = min(room, float(np.abs(found.q - best).max())) * _NEARER
+            if more is None or room < _NO_ROOM:
+                break
+            demands = more
+        return end
 
     def _programs(
-        self, setting: Setting, q: Array, demands: Sequence[Sequence[Demand]] | None
+        self,
+        setting: Setting,
+        q: Array,
+        demands: Sequence[Sequence[Demand]] | None,
+        bounds: tuple[Array, Array] | None = None,
     ) -> Iterator[LocalSolve]:
         """The same with the demands of each start, where the objective has some."""
+        bounds = setting.bounds if bounds is None else bounds
         objective, holding = self.objective, setting.holding
         numbers, beside = [setting.numbers] * len(q), [np.zeros((len(q), 0))]
         if self.capacity is not None and holding is not None:
@@ -299,7 +328,7 @@ class Machinery:
         for start, given, more in zip(q, numbers, np.hstack(beside), strict=True):
             if np.all(np.isfinite(more)):
                 place = setting.cell.parameters
-                yield self.program.solve(start, place, given, *setting.bounds, more)
+                yield self.program.solve(start, place, given, *bounds, more)
             else:
                 yield LocalSolve(start, False, "Singular_Start", {})
 

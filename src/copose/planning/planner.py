@@ -29,7 +29,8 @@ class LocalEnd:
     Attributes:
         joints: rad or m, by arm.
         objective: there.
-        optimality: scaled error of the optimality conditions, as IPOPT measures it.
+        optimality: scaled error of the optimality conditions, as IPOPT measures it; infinite where
+            no climb led anywhere better.
         converged: whether that meets IPOPT's tolerance, 1e-9, with every chain closed.
     """
 
@@ -134,6 +135,8 @@ class Planner:
     ) -> LocalEnd:
         """The local optimum that a posture leads to, and nothing but it: for tight loops.
 
+        Where the objective has kinks, or torque limits matter, it is one run of IPOPT.
+
         Args:
             joints: a posture to start from, by arm; it is closed first.
             object_pose: as for `solve`.
@@ -153,19 +156,25 @@ class Planner:
             )  # fmt: skip
             q.append(end)
             gaps.append(gap[0])
-        polished = machinery.polisher(setting).polish(np.hstack(q))
-        parts = cell.system.split(polished.q[0])
+        start = np.hstack(q)
+        if machinery.smooth and not machinery.static:
+            polished = machinery.polisher(setting).polish(start)
+            end, value, error = polished.q[0], polished.value[0], polished.error[0]
+            converged = bool(polished.converged[0])
+        else:
+            solved = next(machinery.solve_programs(setting, start))
+            end, error, converged = solved.q, solved.optimality, solved.converged
+            value, kept = machinery.objectives(setting, np.vstack([end, start]))
+            if not value >= kept:
+                # A step of IPOPT may leave for a worse optimum.
+                end, value, error, converged = start[0], kept, np.inf, False
+        parts = enumerate(zip(cell.arms, cell.system.split(end), strict=True))
         return LocalEnd(
-            joints={arm.name: cell.folded(i, q) for (i, arm), q in
-                    zip(enumerate(cell.arms), parts, strict=True)},
-            objective=float(
-                polished.value[0]
-                if machinery.smooth
-                else machinery.objectives(setting, polished.q)[0]
-            ),
-            optimality=float(polished.error[0]),
-            converged=bool(polished.converged[0] and max(gaps) <= CLOSED and machinery.smooth),
-        )  # fmt: skip
+            joints={arm.name: cell.folded(i, mine) for i, (arm, mine) in parts},
+            objective=float(value),
+            optimality=float(error),
+            converged=bool(converged and max(gaps) <= CLOSED),
+        )
 
     def _setting(self, object_pose: Mapping[str, object] | None) -> Setting:
         if object_pose is None:

@@ -50,12 +50,14 @@ class LocalSolve:
         converged: whether IPOPT met its tolerance.
         status: in IPOPT's words.
         violations: the largest violation of each constraint, by name.
+        optimality: the scaled error of the optimality conditions, infinite where none is known.
     """
 
     q: Array
     converged: bool
     status: str
     violations: dict[str, float]
+    optimality: float = np.inf
 
 
 class _Solver:
@@ -112,6 +114,7 @@ class _Solver:
             converged=stats["return_status"] == "Solve_Succeeded",
             status=str(stats["return_status"]),
             violations={name: float(excess[rows].max()) for name, rows in self.rows.items()},
+            optimality=stats["iterations"]["inf_du"][-1] if "iterations" in stats else np.inf,
         )
 
 

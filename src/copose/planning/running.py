@@ -13,12 +13,20 @@ from copose.planning.answering import answer
 from copose.planning.capacity import HELD
 from copose.planning.cell import Cell
 from copose.planning.closing import CLOSED, project
-from copose.planning.giving_way import too_heavy
+from copose.planning.giving_way import heaviest
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.measuring import Measurement
 from copose.planning.missing import misses
 from copose.planning.notes import margin_notes
-from copose.planning.search import EFFORTS, Found, LocalOptimum, Progress, local_search, search
+from copose.planning.search import (
+    EFFORTS,
+    Found,
+    LocalOptimum,
+    Progress,
+    climbed,
+    local_search,
+    search,
+)
 from copose.poses import Array
 from copose.results import (
     FailureRecord,
@@ -79,12 +87,13 @@ class Run:
                 timing=self.timing,
             )
         before, notes = self._before(found)
-        if found.starts == 0 and self.machinery.capacity is not None:
+        found, beyond = self._within_limits(found)
+        if beyond is not None:
             return answer(
                 cell,
                 objective,
                 status="infeasible",
-                reason=self._beyond_limits(),
+                reason=beyond,
                 notes=notes,
                 before=before,
                 search=self._record(found, self.seed, effort, None),
@@ -202,12 +211,22 @@ class Run:
                 best = before
         return best, None if best is None else best.value
 
-    def _beyond_limits(self) -> str:
-        """Why torque limits allow no posture of all that were compared."""
-        if self.machinery.static:
-            return too_heavy(self.cell, self.seed)
-        kind = self.machinery.objective.kind
-        return (
+    def _within_limits(self, found: Found) -> tuple[Found, str | None]:
+        """A search, or why torque limits allow no posture of all that were compared.
+
+        Where few postures hold the object a sample may have none: those that hold the most tell.
+        """
+        machinery = self.machinery
+        if found.starts > 0 or machinery.capacity is None:
+            return found, None
+        if machinery.static:
+            most = heaviest(self.cell, self.seed)
+            held = machinery.held(self.setting, most.q) if len(most.q) else np.zeros(0, dtype=bool)
+            if not held.any():
+                return found, most.reason
+            return climbed(machinery, self.setting, found, most.q[held], self.progress), None
+        kind = machinery.objective.kind
+        return found, (
             f"the torque limits allow no {kind} as it is asked for in any posture found: they "
             "leave no such motion of the object, all its other accelerations zero"
         )

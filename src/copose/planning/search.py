@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from copose.planning.cell import Cell
+from copose.planning.judging import judged
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.polishing import Polished
 from copose.planning.program import LocalSolve
@@ -32,14 +33,17 @@ _KINKED = 10
 _PLAIN, _FEWEST = 8, 4
 # Combinations that are looked through for one that differs from those before.
 _AMONG = 64
-# Combinations that linear programs judge at a time, and at most; and how many for each that is
-# polished are enough.
-_JUDGED, _MOST_JUDGED, _ENOUGH = 256, 4096, 4
-# For each that is polished so many are measured exactly before, where a climb is dear.
-_MEASURED = 10
+# Where a climb is dear fewer are polished.
+_DEAR = 2
+# Where torque limits decide more may be polished: gains differ where a sample is beside a kink.
+_UNLIKE = 2
+# Best ends of which all pairs can be judged by linear programs.
+_RECOMBINED = 16
 # Starts that are polished at a time, and how many times the largest gain so far the next may hope
 # for.
-_AT_ONCE, _FEW_AT_ONCE, _HOPE = 8, 4, 10.0
+_AT_ONCE, _HOPE = 8, 10.0
+# Where each takes a program by itself: at first, for gains differ more there, and then.
+_FIRST, _FEW_AT_ONCE = 12, 4
 
 
 @dataclass(frozen=True)
@@ -162,33 +166,38 @@ def search(
     # A step in many dimensions takes many evaluations.
     spare = sum(max(0, kernels.n - kernels.m) for kernels in machinery.arms)
     most = max(_FEWEST, int(effort.polished * min(1.0, _PLAIN / max(spare, 1))))
-    screened = _judged(machinery, setting, postures, screened, most)
+    if machinery.dear:
+        most = max(_FEWEST, most // _DEAR)
+    elif not machinery.newton:
+        most *= _UNLIKE
+    screened = judged(machinery, setting, postures, near, screened, most)
     starts, scores = _distinct(cell, postures, screened, most)
     polished = _Polishing(machinery, setting, progress)
     polished.add_promising(starts, scores)
-    if spare > K:
+    if spare > K and len(starts) and not machinery.dear:
         counts = [len(mine) for mine in postures]
         drawn = rng.integers(0, counts, (int(effort.blind * min(1.0, _PLAIN / spare)), K))
         picked = [mine[k] for mine, k in zip(postures, drawn.T, strict=True)]
         polished.add(np.hstack(picked))
     combinations = screened.combinations
     dense = K <= 2 and all(kernels.n - kernels.m <= 1 for kernels in machinery.arms)
-    # Where a score only bounds the objective the best pair may have looked like many.
-    dense = dense and not machinery.dear
-    for _ in range(0 if dense or not polished.ends else effort.rounds):
+    # Where another score has compared them the best pair may have looked like many.
+    dense = dense and machinery.newton
+    rounds = effort.rounds if machinery.newton else min(effort.rounds, 1)
+    for _ in range(0 if dense or not polished.ends else rounds):
         # At a good combination every arm's posture is good for what the others add up to, and it
         # was polished for another sum before: so what is polished is combined anew.
-        postures = polished.postures(2 * most)
-        for i, kernels in enumerate(machinery.arms):
+        postures = polished.postures(2 * most if machinery.newton else _RECOMBINED)
+        for i, kernels in enumerate(machinery.arms if machinery.newton else ()):
             if K > 1 and kernels.n > kernels.m:
                 found = polished.responses(i, samples[i].closed, most)
                 postures[i] = np.vstack([postures[i], found])
         near = [np.zeros((len(mine), 0), dtype=np.intp) for mine in postures]
         screened = _screened(machinery, setting, postures, near, rng, effort.starts)
         combinations += screened.combinations
-        screened = _judged(machinery, setting, postures, screened, most)
+        screened = judged(machinery, setting, postures, near, screened, most)
         # Where kinks make what was climbed stand above all that was not, only the latter counts.
-        known = polished.known if machinery.dear else None
+        known = None if machinery.newton else polished.known
         again, _ = _distinct(cell, postures, screened, max(1, most // 2), known)
         before = polished.best
         polished.add(polished.unknown(again))
@@ -206,11 +215,18 @@ def search(
 
 def local_search(machinery: Machinery, setting: Setting, q: Array, progress: Progress) -> Found:
     """The local optimum that a closed posture, (N,), leads to."""
+    return climbed(machinery, setting, Found(()), q[None], progress)
+
+
+def climbed(
+    machinery: Machinery, setting: Setting, found: Found, q: Array, progress: Progress
+) -> Found:
+    """A search that had nothing to climb from, with closed postures, (count, N), to do so."""
     polished = _Polishing(machinery, setting, progress)
-    polished.add(q[None])
-    return Found(
-        samples=(),
-        starts=1,
+    polished.add(q)
+    return replace(
+        found,
+        starts=polished.starts,
         optima=tuple(_gathered(setting.cell, polished.ends)),
         failures=tuple(polished.failures),
     )
@@ -229,43 +245,6 @@ def _screened(
         # A combination that cannot be held may stand above a neighbour that can.
         neighbours = [near[:, :0] for near in neighbours]
     return screen(machinery.score, setting.given, terms, neighbours, rng, starts)
-
-
-def _judged(
-    machinery: Machinery,
-    setting: Setting,
-    postures: Sequence[Array],
-    screened: Screened,
-    most: int,
-) -> Screened:
-    """The best combinations by the objective itself, where another score has compared them; and of
-    them those that hold the object, where they must.
-    """
-    if machinery.newton and not machinery.static:
-        return screened
-    chosen, scores = screened.chosen[:0], screened.scores[:0]
-    for first in range(0, len(screened.chosen), _JUDGED):
-        rows = slice(first, first + _JUDGED)
-        some, worth = screened.chosen[rows], screened.scores[rows]
-        q = np.hstack([mine[k] for mine, k in zip(postures, some.T, strict=True)])
-        held = machinery.held(setting, q)
-        some, worth, q = some[held], worth[held], q[held]
-        if not machinery.newton and len(q):
-            worth = machinery.estimates(setting, q)
-        sound = np.isfinite(worth)
-        chosen = np.vstack([chosen, some[sound]])
-        scores = np.concatenate([scores, worth[sound]])
-        if len(chosen) >= _ENOUGH * most or first + _JUDGED >= _MOST_JUDGED:
-            break
-    order = np.argsort(-scores, kind="stable")
-    chosen, scores = chosen[order], scores[order]
-    if machinery.dear:
-        chosen = chosen[: _MEASURED * most]
-        q = np.hstack([mine[k] for mine, k in zip(postures, chosen.T, strict=True)])
-        scores = machinery.objectives(setting, q)
-        order = np.argsort(-scores, kind="stable")
-        chosen, scores = chosen[order], scores[order]
-    return Screened(chosen, scores, screened.combinations)
 
 
 def _distinct(
@@ -339,8 +318,6 @@ class _Polishing:
         scores = machinery.score.value(machinery.terms(setting, i, closed) + rest, setting.given)
         scores = scores[:, 0]
         starts = closed[np.argsort(-scores, kind="stable")[:most]]
-        if not machinery.newton:
-            return np.asarray(starts)
         own = machinery.objective.sums.size(cell.system.space)
         ends = machinery.polisher(setting, i, rest[:own]).polish(starts)
         return np.asarray(ends.q[ends.converged])
@@ -355,14 +332,16 @@ class _Polishing:
     def add_promising(self, starts: Array, scores: Array) -> None:
         """Polish starts, best first, until the next would have to gain far more than any has."""
         gained, best = 0.0, -np.inf
-        together = _AT_ONCE if self._machinery.newton else _FEW_AT_ONCE
-        for first in range(0, len(starts), together):
+        first, together = 0, _AT_ONCE if self._machinery.newton else _FIRST
+        while first < len(starts):
             rows = slice(first, first + together)
             if not self._machinery.dear and scores[first] + _HOPE * gained < best:
                 break
             ends = self.add(starts[rows])
             best = max(best, ends.max(initial=-np.inf))
             gained = max(gained, (ends - scores[rows]).max(initial=0.0))
+            first = rows.stop
+            together = _AT_ONCE if self._machinery.newton else _FEW_AT_ONCE
 
     def add(self, starts: Array) -> Array:
         """Polish closed postures, (count, N); the scores where they end, (count,)."""

@@ -20,6 +20,8 @@ from copose.poses import Array, Indices
 from copose.robots import finite_range
 
 _NEIGHBOURS = 3
+# Closed postures of which the first that stays within limits to the last digit is the seed's.
+_TRIED = 8
 _SAME = 1e-6
 # Postures drawn before an arm is said to miss its grasp, and misses kept.
 _INSISTENCE = 4096
@@ -83,7 +85,7 @@ class ArmSampler:
                 points = np.vstack([points, self._kept(q)])
                 more = len(points) < most
             if len(first) == 0:
-                first = self._kept(q, 0.0)[:1]
+                first = self._kept(q[self.cell.beyond(self.i, q) <= 0][:_TRIED], 0.0)[:1]
             if not more:
                 break
         if simple:
@@ -123,10 +125,14 @@ class ArmSampler:
         ends, gaps = project(
             self.kernels, q[beyond <= near], self.goal, lower, upper, steps=20, closed=1e-10
         )
-        ends = ends[gaps < CLOSED]
         # Points beyond a limit often end in the same corner.
-        places = self.cell.embedded(self.i, ends).round(6)
-        return np.asarray(ends[np.sort(np.unique(places, axis=0, return_index=True)[1])])
+        moved = beyond[beyond <= near] > 0
+        closed = gaps < CLOSED
+        rows = np.flatnonzero(closed & moved)
+        places = self.cell.embedded(self.i, ends[rows]).round(6)
+        once = np.unique(places, axis=0, return_index=True)[1]
+        closed[np.delete(rows, once)] = False
+        return np.asarray(ends[closed])
 
     def _insist(self, rng: np.random.Generator) -> tuple[Array, Array]:
         """Postures that close within limits after all, and the nearest of those that do not."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from rich.console import RenderableType
@@ -23,9 +23,9 @@ _SEMI_AXES = 6
 _EQUAL = 1e-6
 
 _MEANING = {
-    "payload": ", the largest mass that can be held",
-    "residual radius": ", in every direction from rest",
-    "largest holding torque": " of that joint's limit",
+    "payload": ", the most that can be held",
+    "residual radius": ", all round from rest",
+    "largest holding torque": "",
 }
 
 
@@ -42,7 +42,10 @@ def limit_values(solution: Solution, posture: Posture) -> dict[str, tuple[float,
             kind = "angular" if axes[0] in style.ANGULAR_AXES else "linear"
             found[f"residual radius, {kind}"] = radius, style.plain_unit(axes)
     if posture.static_torque:
-        found["largest holding torque"] = 100 * style.largest_share(posture.static_torque), "%"
+        found["largest holding torque"] = (
+            100 * style.largest_share(posture.static_torque),
+            "% of its limit",
+        )
     return found
 
 
@@ -219,7 +222,7 @@ def _companions(solution: Solution, posture: Posture) -> list[Table]:
 
 
 def _semi_axes(
-    title: str, units: tuple[str, str], records: dict[str, EllipsoidRecord], solution: Solution
+    title: str, units: tuple[str, str], records: Mapping[str, EllipsoidRecord], solution: Solution
 ) -> Table | None:
     """A row for each ellipsoid; None where no posture has one."""
     axes = solution.problem.axes

@@ -23,8 +23,8 @@ from copose.results import Posture, Solution
 _ELLIPSE_SHARE = 0.3
 # Width of a panel, inches.
 _PANEL = 4.6
-# Height of what stands below the scenes, inches, and the longest contact force drawn, as a share.
-_BENEATH, _FORCE_SHARE = 2.6, 0.16
+# Height of what stands below the scenes, inches.
+_BENEATH = 2.6
 
 
 def planar_figure(panels: list[Panel], heading: str) -> Figure:
@@ -40,12 +40,15 @@ def planar_figure(panels: list[Panel], heading: str) -> Figure:
         for center, part, _ in parts:
             curve = center + scale * part.surface[..., :2]
             low, high = np.minimum(low, curve.min(axis=0)), np.maximum(high, curve.max(axis=0))
+    sets, holding = set_pictures(panels), share_panels(panels)
+    arrows, words = holding_arrows(panels[0].posture, size) if sets else ([], "")
+    for tail, _ in arrows:
+        low, high = np.minimum(low, tail), np.maximum(high, tail)
     # A flat scene still needs a frame to be read in.
     least = 0.4 * float((high - low).max())
     margin = 0.04 * size + np.maximum(least - (high - low), 0.0) / 2
     low, high = low - margin, high + margin
 
-    sets, holding = set_pictures(panels), share_panels(panels)
     width, height = high - low
     wide = _PANEL * (len(panels) + bool(sets)) + 0.6
     keys = style.keys(solution.joint_names, "together, at the object", "each arm alone, at its tip")
@@ -61,7 +64,7 @@ def planar_figure(panels: list[Panel], heading: str) -> Figure:
         _scene(ax, panel.posture, panel.solution)
         _ellipses(ax, panel, parts, scale)
         if sets:
-            _forces(ax, panel.posture, _FORCE_SHARE * size)
+            _forces(ax, arrows, words)
             ax.set_anchor("N")
         ax.set_title(_title(panel), loc="left")
         ax.set_xlim(low[0], high[0])
@@ -100,7 +103,7 @@ def planar_figure(panels: list[Panel], heading: str) -> Figure:
         for k, each in enumerate(sets[1:]):
             draw_set(figure, row[0, k], each, columns=0)
         if holding:
-            draw_shares(figure.add_subplot(row[0, -1]), holding)
+            draw_shares(figure.add_subplot(row[0, -1]), holding, named=len(panels) > 1)
     return figure
 
 
@@ -182,9 +185,8 @@ def _ellipses(
         )
 
 
-def _forces(ax: Axes, posture: Posture, length: float) -> None:
-    """The contact forces on the object that hold it, the largest of them so long, m."""
-    arrows, words = holding_arrows(posture, length)
+def _forces(ax: Axes, arrows: list[tuple[Array, Array]], words: str) -> None:
+    """Arrows from tail to head, and what they are."""
     for tail, head in arrows:
         ax.annotate("", tuple(head), tuple(tail), zorder=7,
                     arrowprops={"arrowstyle": "-|>", "color": style.INK, "linewidth": 1.8,

@@ -23,8 +23,14 @@ def share_panels(panels: list[Panel]) -> list[Panel]:
     return [panel for panel in panels if panel.posture.static_torque]
 
 
-def draw_shares(ax: Axes, panels: list[Panel]) -> None:
-    """Each joint's share of its torque limit to hold the object, by arm; earlier panels in grey."""
+def draw_shares(ax: Axes, panels: list[Panel], named: bool) -> None:
+    """Each joint's share of its torque limit to hold the object, by arm; earlier panels in grey.
+
+    Args:
+        ax: where.
+        panels: of `share_panels`.
+        named: whether a legend says which they are.
+    """
     shares = [panel.posture.static_torque or {} for panel in panels]
     width = 0.8 / len(panels)
     colors = style.arm_colors(panels[-1].posture)
@@ -65,8 +71,9 @@ def draw_shares(ax: Axes, panels: list[Panel]) -> None:
     for side in ("top", "right", "left"):
         ax.spines[side].set_visible(False)
     ax.set_title("joint torque that holds the object, % of its limit", fontsize=10, loc="left")
-    if len(panels) > 1:
+    if named:
         names = [style.short(panel.name) for panel in panels]
-        patches = [Patch(color=style.BEFORE), Patch(color=next(iter(colors.values())))]
+        shown = [style.BEFORE] * (len(panels) - 1) + [next(iter(colors.values()))]
+        patches = [Patch(color=color) for color in shown]
         ax.legend(patches, names, frameon=False, fontsize=9, loc="lower right",
                   bbox_to_anchor=(1, 0.98), ncols=len(panels), borderaxespad=0.1)  # fmt: skip

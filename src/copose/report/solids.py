@@ -13,6 +13,8 @@ from copose.poses import Array
 
 # Triangles lie in one face where their normals and distances agree to so many digits.
 _DIGITS = 7
+# Points are flat where their least extent is so small a part of their largest.
+_FLAT = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,19 +36,15 @@ class Solid:
     def outline(self, view: Array) -> Array:
         """Corners, in order, of what is seen from afar; view: the axes of the picture, (2, 3)."""
         points = np.vstack(self.faces)
-        return np.asarray(points[ConvexHull(points @ view.T).vertices])
+        return np.asarray(points[_even_hull(points @ view.T)[0].vertices])
 
     @classmethod
     def of(cls, points: Array) -> Solid | None:
         """The hull of points, (k, 3); None of points in a plane."""
         if len(points) < 4:
             return None
-        middle = points.mean(axis=0)
-        _, extents, rows = np.linalg.svd(points - middle, full_matrices=False)
-        # Qhull is to see no direction as thin.
-        even = rows.T / np.maximum(extents, 1e-300)
         try:
-            hull = ConvexHull((points - middle) @ even)
+            hull, even = _even_hull(points)
         except QhullError:
             return None
         planes, of_plane = np.unique(np.round(hull.equations, _DIGITS), axis=0, return_inverse=True)
@@ -56,7 +54,7 @@ class Solid:
         for triangle, plane in zip(hull.simplices, of_plane.ravel(), strict=True):
             for pair in combinations(sorted(triangle.tolist()), 2):
                 borders[pair].append(int(plane))
-        edges = {pair: sides for pair, sides in borders.items() if sides[0] != sides[1]}
+        edges = {pair: (s[0], s[-1]) for pair, s in borders.items() if s[0] != s[-1]}
         corners: dict[int, set[int]] = defaultdict(set)
         for pair, sides in edges.items():
             for side in sides:
@@ -65,6 +63,20 @@ class Solid:
             _around(points[sorted(corners[k])], normal) for k, normal in enumerate(normals)
         )
         return cls(faces, normals, points[np.array(list(edges))], np.array(list(edges.values())))
+
+
+def _even_hull(points: Array) -> tuple[ConvexHull, Array]:
+    """The hull of points, (k, d), as the map E of points to where no direction is thin has them.
+
+    Raises:
+        QhullError: the points are flat.
+    """
+    offset = points - points.mean(axis=0)
+    _, extents, rows = np.linalg.svd(offset, full_matrices=False)
+    if extents[-1] <= _FLAT * extents[0]:
+        raise QhullError("flat")
+    even = rows.T / extents
+    return ConvexHull(offset @ even), even
 
 
 def _around(corners: Array, normal: Array) -> Array:

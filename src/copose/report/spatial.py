@@ -26,8 +26,6 @@ from copose.results import EllipsoidRecord, Posture, Solution
 # The longest semi-axis drawn, and how high the angular slice floats, as shares of the scene.
 _ELLIPSE_SHARE = 0.18
 _LIFT = 0.42
-# The longest contact force drawn, alike.
-_FORCE_SHARE = 0.16
 
 
 @dataclass(frozen=True)
@@ -60,8 +58,8 @@ def spatial_figure(panels: list[Panel], heading: str) -> Figure:
     Beside them what torque limits allow, where the results say so: exact sets and shares.
     """
     kinds, sets, holding = _kinds(panels), set_pictures(panels), share_panels(panels)
-    # Shares stand beside the semi-axes of one posture, below those of several.
-    apart = bool(holding) and (len(panels) > 1 or not kinds)
+    # Shares stand beside the semi-axes where exact sets make the picture wide, else below them.
+    apart = bool(holding) and not (sets and kinds)
     rows = [3.6] + [1.0] * bool(kinds) + [1.0] * apart
     count = len(panels) + len(sets)
     tall = 4.2 + 2.0 * len(rows) + 0.6 * bool(sets or apart)
@@ -95,7 +93,7 @@ def spatial_figure(panels: list[Panel], heading: str) -> Figure:
         if panel.other is not None:
             ax.plot([], [], color=style.INK, linewidth=1, label="the other one's ellipsoids")
         if sets:
-            _forces(ax, panel.posture, _FORCE_SHARE * float((high - low).max()))
+            _forces(ax, *holding_arrows(panel.posture, float((high - low).max())))
             legend_below(ax, *ax.get_legend_handles_labels(), columns=2, points=8)
         else:
             ax.legend(loc="upper right", frameon=False, fontsize=9)
@@ -105,7 +103,7 @@ def spatial_figure(panels: list[Panel], heading: str) -> Figure:
     for kind, place in zip(kinds, bars, strict=False):
         _bars(figure.add_subplot(place), panels, kind)
     if holding:
-        draw_shares(figure.add_subplot(bars[-1]), holding)
+        draw_shares(figure.add_subplot(bars[-1]), holding, named=len(panels) > 1)
     figure.suptitle(heading, fontweight="bold", x=0.02, y=0.985, ha="left")
     for k, kind in enumerate(kinds):
         where = ", lifted above the object" if kind.lift else " at the object"
@@ -201,9 +199,8 @@ def _scene(ax: Any, posture: Posture, solution: Solution) -> None:
             ax.plot(*np.array([grasp, center]).T, color=style.OBJECT, linewidth=1.5)
 
 
-def _forces(ax: Any, posture: Posture, length: float) -> None:
-    """The contact forces on the object that hold it, the largest of them so long, m."""
-    arrows, words = holding_arrows(posture, length)
+def _forces(ax: Any, arrows: list[tuple[Array, Array]], words: str) -> None:
+    """Arrows from tail to head, and what they are."""
     for tail, head in arrows:
         ax.quiver(*tail, *(head - tail), color=style.INK, linewidth=1.8, arrow_length_ratio=0.3)
     if arrows:

@@ -184,13 +184,7 @@ def legend_grid(entries: list[str], inches: float) -> tuple[int, int]:
 
 
 def gain_words(solution: Solution) -> str:
-    """A gain in plain words: ``volume ×2.3``; empty where there is none to tell.
-
-    From 0 or a negative value there is no ratio: ``acceleration +59 m/s²``.
-    """
-    before, after = solution.objective.before, solution.objective.after
-    if before is None or after is None:
-        return ""
+    """A gain in plain words: ``volume ×2.3``; empty where there is none to tell."""
     volume = measure_word(solution)
     word = {
         "volume": volume,
@@ -200,13 +194,20 @@ def gain_words(solution: Solution) -> str:
         "velocity-volume": f"velocity {volume}",
         "force-volume": f"force {volume}",
     }.get(solution.objective.kind, objective_name(solution))
+    found = gain(solution)
+    return f"{word} {found}" if found else ""
+
+
+def gain(solution: Solution) -> str:
+    """A gain as a ratio, ``×2.3``; from 0 or a negative value as a difference, ``+59 m/s²``."""
+    before, after = solution.objective.before, solution.objective.after
+    if before is None or after is None:
+        return ""
     if solution.objective.unit == "log":
-        ratio = math.exp(after - before) if after - before < 600 else math.inf
-    elif before > 0 and after > 0:
-        ratio = after / before
-    else:
-        return f"{word} {after - before:+.3g} {objective_unit(solution)}".rstrip()
-    return f"{word} ×{ratio:.3g}"
+        return f"×{math.exp(after - before) if after - before < 600 else math.inf:.3g}"
+    if before > 0 and after > 0:
+        return f"×{after / before:.3g}"
+    return f"{after - before:+.3g} {objective_unit(solution)}".rstrip()
 
 
 def numbers(values: tuple[float, ...]) -> str:

@@ -51,8 +51,9 @@ def _numbers(solution: Solution) -> Table:
     def row(name: str, before: str, now: str, words: str = "") -> None:
         table.add_row(*([name, before, now, words] if compared else [name, now, words]))
 
-    objective = solution.objective
-    said = ": ".join(filter(None, (style.objective_unit(solution), style.gain_words(solution))))
+    objective, unit = solution.objective, style.objective_unit(solution)
+    gained = ", ".join(filter(None, (unit, style.gain(solution))))
+    said = gained if unit else style.gain_words(solution)
     row(style.objective_name(solution), _value(objective.before), _value(objective.after), said)
     before = solution.before
     axes = solution.problem.axes

@@ -4,6 +4,7 @@ from copose.results.files import read_solution, to_json, write_file
 from copose.results.solution import (
     AccelerationRecord,
     ArmRecord,
+    CompanionRecord,
     EllipsoidRecord,
     ExactSetRecord,
     FailureRecord,
@@ -25,6 +26,7 @@ from copose.results.solution import (
 __all__ = [
     "AccelerationRecord",
     "ArmRecord",
+    "CompanionRecord",
     "EllipsoidRecord",
     "ExactSetRecord",
     "FailureRecord",

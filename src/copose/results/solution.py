@@ -65,6 +65,24 @@ class EllipsoidRecord(Record):
         return Ellipsoid.from_factor(factor, self.center)
 
 
+class CompanionRecord(EllipsoidRecord):
+    """An ellipsoid of velocities or forces.
+
+    Attributes:
+        along: how far it reaches along each of its coordinates, (uᵀG u)^(−1/2), and then along each
+            direction that the objective names; null where there is no ellipsoid.
+    """
+
+    along: Vector | None
+
+    @classmethod
+    def of_directions(cls, ellipsoid: Ellipsoid | None, directions: Array) -> CompanionRecord:
+        """With the values along some directions, (k, a)."""
+        along = None if ellipsoid is None else [ellipsoid.radius(u) for u in directions]
+        numbers = EllipsoidRecord.of(ellipsoid).model_dump()
+        return cls(**numbers, along=None if along is None else tuple(along))
+
+
 class SpatialPlace(Record):
     """Pose of the object's centre of mass: position, m, and unit quaternion [w, x, y, z]."""
 
@@ -180,7 +198,7 @@ class Posture(Record):
     accelerations: tuple[AccelerationRecord, ...] | None = None
     wrenches: dict[str, dict[str, WrenchRecord]] | None = None
     exact_sets: dict[str, ExactSetRecord] | None = None
-    companions: dict[str, EllipsoidRecord] | None = None
+    companions: dict[str, CompanionRecord] | None = None
 
     @model_serializer(mode="wrap")
     def _as_asked(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
