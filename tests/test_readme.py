@@ -63,6 +63,14 @@ def test_the_first_command_prints_and_draws_what_is_shown(here: Path) -> None:
     assert shown.shape == drawn.shape and np.abs(shown - drawn).mean() < 0.01
 
 
+def test_the_picture_of_the_exact_set_is_what_evaluate_draws(here: Path) -> None:
+    shell("copose solve problems/panda-lift.toml --quiet -o lift")
+    shell("copose evaluate problems/panda-lift.toml --joints lift/result.json --quiet -o told")
+    shown = imread(ROOT / re.findall(r"!\[.*\]\((.*)\)", README)[1])
+    drawn = imread(here / "told/before_after.png")
+    assert shown.shape == drawn.shape and np.abs(shown - drawn).mean() < 0.01
+
+
 def test_the_commands_run(here: Path) -> None:
     printed = shell(blocks("sh")[1])
     assert "panda_joint7" in printed and "log-volume" in printed and "difference" in printed

@@ -30,6 +30,8 @@ _LOOK_AGAIN = 0.5
 # Solves in which demands that a program left out join it, the part of the way that the next may go
 # after one that led astray, and how little is too little, rad or m.
 _EXCHANGES, _NEARER, _NO_ROOM = 16, 0.3, 1e-6
+# What a climb may lose by rounding, relative.
+_LOSS = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +274,12 @@ class Machinery:
             return
         demands = objective.nearest(self.capacity, setting.cell, holding, self.split(q))
         if not objective.dear:
-            yield from self._programs(setting, q, demands)
+            ends = list(self._programs(setting, q, demands))
+            there = self.objectives(setting, np.array([end.q for end in ends]))
+            lost = ~(there >= self.objectives(setting, q) - _LOSS * (1 + np.abs(there)))
+            for start, end, wanted, leave in zip(q, ends, demands, lost, strict=True):
+                # It has left for a worse optimum, or failed.
+                yield self._exchanged(setting, start, wanted) if leave else end
             return
         for start, wanted in zip(q, demands, strict=True):
             yield self._exchanged(setting, start, wanted)
@@ -297,13 +304,16 @@ class Machinery:
             parts = self.split(found.q[None])
             there = objective.exact(self.capacity, cell, holding, parts)[0]
             more = objective.tightened(self.capacity, cell, holding, parts, demands)
-            if there > value or (more is None and end.converged is False):
+            far = float(np.abs(found.q - best).max())
+            if there > value or (more is None and not end.converged and far < _NO_ROOM):
                 best, value, end = found.q, there, found
+                if more is None and far < room * (1 - 1e-6):
+                    break
             else:
-                room = min(room, float(np.abs(found.q - best).max())) * _NEARER
-            if more is None or room < _NO_ROOM:
-                break
-            demands = more
+                room = min(room, far) * _NEARER
+                if room < _NO_ROOM:
+                    break
+            demands = demands if more is None else more
         return end
 
     def _programs(

@@ -223,7 +223,7 @@ def _solid(ax: Any, picture: SetPicture) -> None:
         ax.plot(*circle.T, color=style.INK, linewidth=1.3, linestyle=":", zorder=6,
                 label=_LABELS["ball"])  # fmt: skip
     _points(ax, picture, zorder=7)
-    frame(ax, *roomy(np.vstack(points)), _labels(picture))
+    frame(ax, *roomy(np.vstack(points)), _labels(picture), whole=True)
 
 
 def _shell(ax: Any, solid: Solid, view: Array) -> None:

@@ -21,12 +21,18 @@ def roomy(points: Array) -> tuple[Array, Array]:
     return low - thin - 0.03 * size, high + thin + 0.03 * size
 
 
-def frame(ax: Any, low: Array, high: Array, labels: Sequence[str]) -> None:
-    """Axes from low to high at one scale, seen from where all pictures are."""
+def frame(ax: Any, low: Array, high: Array, labels: Sequence[str], *, whole: bool = False) -> None:
+    """Axes from low to high at one scale, seen from where all pictures are.
+
+    With ``whole`` a tall box is drawn smaller, so that its labels stay within the panel.
+    """
+    width, depth, height = high - low
+    tall = height / max(width, depth)
+    zoom = (1.2 / tall) ** 0.5 if whole and tall > 1.2 else 1.0
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])
     ax.set_zlim(low[2], high[2])
-    ax.set_box_aspect(high - low, zoom=1.0)
+    ax.set_box_aspect(high - low, zoom=zoom)
     ax.view_init(elev=_ELEVATION, azim=_AZIMUTH)
     ax.locator_params(nbins=4)
     ax.tick_params(labelsize=8, pad=-1)

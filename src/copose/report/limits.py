@@ -13,7 +13,7 @@ from copose.problem import SPACES
 from copose.report import style
 from copose.report.columns import aligned, compared_table, plain_table
 from copose.report.slices import angular_slice, linear_slice, semi_axes
-from copose.results import EllipsoidRecord, Posture, Solution, WrenchRecord
+from copose.results import CompanionRecord, EllipsoidRecord, Posture, Solution, WrenchRecord
 
 # Extremes whose contact wrenches are all listed, and arms beside one another.
 _EXTREMES, _ARMS = 8, 3
@@ -211,6 +211,7 @@ def _companions(solution: Solution, posture: Posture) -> list[Table]:
         _semi_axes("velocities per unit joint speed", ("m/s", "rad/s"), velocities, solution),
         _semi_axes(f"forces {torque}", ("N", "N·m"), forces, solution),
     ]
+    along = _along(velocities | forces, solution)
     unit = "N and N·m" if SPACES[solution.problem.space].rigid else "N"
     squeeze = plain_table(f"forces between arms {torque}", f"semi-axes, {unit}")
     for name, record in internal.items():
@@ -218,7 +219,23 @@ def _companions(solution: Solution, posture: Posture) -> list[Table]:
         if len(radii) > _SEMI_AXES:
             radii[_SEMI_AXES - 1 : -1] = ["…"]
         squeeze.add_row(name, ", ".join(radii) or "–")
+    tables.append(along)
     return [table for table in (*tables, squeeze) if table is not None and table.row_count]
+
+
+def _along(records: Mapping[str, CompanionRecord], solution: Solution) -> Table | None:
+    """How far each reaches along every axis and every direction of the objective."""
+    longest = max((len(record.along or ()) for record in records.values()), default=0)
+    if not longest:
+        return None
+    table = plain_table("the same along")
+    axes = solution.problem.axes
+    for word in (*axes, *(f"direction {k + 1}" for k in range(longest - len(axes)))):
+        table.add_column(word, justify="right")
+    for name, record in records.items():
+        cells = [style.three(value) for value in record.along or ()] or ["–"] * longest
+        table.add_row(name, *cells)
+    return table
 
 
 def _semi_axes(
