@@ -10,7 +10,10 @@ import pytest
 import copose
 from cells import closed_postures, tables, toml
 from copose.cli import main
+from copose.planning import search
 from copose.planning.cell import Cell
+from copose.planning.judging import judged
+from copose.planning.screening import Screened
 from copose.problem import parse
 from test_torque_limits import SPACES, cell_of
 
@@ -131,6 +134,24 @@ def test_a_box_too_heavy_to_hold(tmp_path, monkeypatch, capsys) -> None:
     for mass, status in ((possible - 0.05, "solved"), (possible + 0.05, "infeasible")):
         cell["object"]["mass"] = mass
         assert copose.solve(parse(cell)).status == status
+
+
+def test_a_hold_that_no_sample_has_is_found(monkeypatch) -> None:
+    """Where no combination of the sample holds the object, those that hold the most are climbed."""
+    cell = tables("panda-heavy")
+    cell["object"]["mass"] = 78.0
+    best = copose.solve(parse(cell)).objective.after
+
+    def none_held(machinery, setting, postures, near, screened, most):
+        if machinery.static:
+            return Screened(screened.chosen[:0], screened.scores[:0], screened.combinations)
+        return judged(machinery, setting, postures, near, screened, most)
+
+    monkeypatch.setattr(search, "judged", none_held)
+    solution = copose.solve(parse(cell))
+    assert solution.status == "solved"
+    shares = [share for arm in solution.after.static_torque.values() for share in arm]
+    assert max(shares) <= 1 + 1e-6 and solution.objective.after > best - 0.5
 
 
 def test_an_acceleration_that_no_posture_has() -> None:

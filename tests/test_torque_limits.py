@@ -171,6 +171,23 @@ def test_the_held_object_does_not_spin(space: str) -> None:
     assert min(gains) > 1 - 1e-9 and max(gains) > 1.01
 
 
+def test_two_balls_beside_the_centre_of_mass_hold_nothing() -> None:
+    """No force at them turns about the line through them: no hold, no mass, and no answer."""
+    cell = cell_of("spatial-linear", objective={"kind": "payload"})
+    for arm in cell["arms"]:
+        arm["grasp"]["position"][1] = 0.05
+    _, drawn = postures(cell, 2)
+    for joints in drawn:
+        solution = copose.evaluate(parse(cell), joints)
+        assert solution.after.static_torque is None
+        assert solution.after.payload == pytest.approx(0.0, abs=1e-9)
+        assert any("no contact wrenches" in note for note in solution.notes)
+    planner = copose.Planner(parse(cell))
+    many = {name: np.array([joints[name] for joints in drawn]) for name in drawn[0]}
+    assert np.isnan(planner.measure(many).objective).all()
+    assert planner.solve().status == "infeasible"
+
+
 @pytest.mark.parametrize("space", SPACES)
 def test_many_postures_at_once_are_worth_what_each_is(space: str) -> None:
     """The batch of interior-point steps against HiGHS."""

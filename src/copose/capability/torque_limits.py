@@ -147,7 +147,10 @@ class Dynamics:
         return replace(self, M=M, J=J, g=g)
 
     def farthest(self, demand: Demand) -> Array:
-        """The largest t of every posture, to 1e-9 of it; NaN where there is none, (count,)."""
+        """The largest t of every posture, to 1e-9 of it, (count,).
+
+        NaN where there is none, or where contacts cannot exert such loads by any torques.
+        """
         x, _ = self._solved(demand, 1.0)
         return x[:, 0]
 
@@ -299,7 +302,7 @@ class Dynamics:
             return None
         speeds, h = found.x[1 : 1 + N] / quick, found.x[1 + N :]
         return Extreme(
-            value=float(found.x[0]),
+            value=float(found.x[0]) + 0.0,
             torques=tuple(np.split(M @ speeds + g + J.T @ h, self._edges)),
             wrenches=tuple(np.split(h, len(self.M))),
             accelerations=tuple(np.split(speeds, self._edges)),

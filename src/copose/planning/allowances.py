@@ -148,7 +148,9 @@ class Allowance:
             self._state(cell, holding, "payload", extreme, found)
             value = None if extreme is None else extreme.value
             if extreme is None:
-                found.notes.append("payload unknown: torques within their limits hold no mass here")
+                found.notes.append("payload unknown: no mass can be held here, or any mass")
+            elif extreme.value < 0:
+                found.notes.append("payload below zero: the arms cannot hold even themselves here")
         else:
             found.notes.append("no payload: [world] gravity is 0")
         found.keys["payload"] = value

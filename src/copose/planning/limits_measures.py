@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from copose.capability import HoldingTorque, Sums, TorqueReach
-from copose.capability.torque_limits import Demand, Dynamics, Extreme
+from copose.capability.torque_limits import Demand, Dynamics
 from copose.planning.capacity import Capacity, Holding
 from copose.planning.cell import Cell
 from copose.planning.objectives import Objective
@@ -103,13 +103,6 @@ class LimitsMeasure(Objective):
     def exact(self, capacity: Capacity, cell: Cell, holding: Holding, q: Sequence[Array]) -> Array:
         """The value of postures, by arm (count, n_i); NaN where there is none, (count,)."""
         return self.estimates(capacity, holding, q)
-
-    def extremes(
-        self, capacity: Capacity, holding: Holding, q: Sequence[Array]
-    ) -> list[Extreme | None]:
-        """Every demand at its farthest, of one posture, by arm (n_i,), with all digits."""
-        dynamics = self._dynamics(capacity, holding, [mine[None] for mine in q])
-        return [dynamics.extreme(demand) for demand in self.demands(holding)]
 
     def nearest(
         self, capacity: Capacity, cell: Cell, holding: Holding, q: Sequence[Array]

@@ -23,6 +23,7 @@ def _unit_notes(cell: Cell) -> list[str]:
     space, settings, notes = cell.system.space, cell.problem.ellipsoid, []
     axes, kind = cell.problem.axes, cell.problem.objective.kind
     # What torque limits decide has no unit ball, and no pseudoinverse.
+    constraints = cell.problem.constraints
     limited = kind in ("acceleration", "payload", "all-round")
     mixed = set(axes) & set(space.linear) and set(axes) & set(space.angular)
     if mixed and kind not in ("velocity-volume", "force-volume") and not limited:
@@ -30,10 +31,10 @@ def _unit_notes(cell: Cell) -> list[str]:
             "linear and angular accelerations share the ellipsoid: its semi-axes, worst-direction "
             "and isotropy depend on the unit of length; axes of one kind do not"
         )
-    shared = space.rigid and len(cell.arms) > 1 and cell.resolution.name == "pseudoinverse"
-    shared = (shared and kind != "velocity-volume" and not limited) or (
-        kind == "force-volume" and space.rigid and len(cell.arms) > 1
+    shares = kind == "force-volume" or (
+        cell.resolution.name == "pseudoinverse" and kind != "velocity-volume" and not limited
     )
+    shared = space.rigid and len(cell.arms) > 1 and shares
     if shared and settings.load_distribution == "moore-penrose":
         notes.append(
             "the Moore–Penrose load distribution mixes forces with moments: the best posture "
@@ -45,8 +46,14 @@ def _unit_notes(cell: Cell) -> list[str]:
             "the object, which may spin"
             + ("; acceleration, payload and static_torque do not" if limited else "")
         )
-    if np.any(cell.velocity) and (limited or cell.problem.constraints.static_torque):
+    if np.any(cell.velocity) and (limited or constraints.static_torque):
         notes.append("what torque limits allow is told of rest; object.velocity does not enter")
+    grips = [grip for arm in cell.problem.arms for grip in (arm.grip.force, arm.grip.moment)]
+    if constraints.internal_force is not None or any(grip is not None for grip in grips):
+        notes.append(
+            "limits of contact wrenches are kept by polyhedra inside the balls of their norms: up "
+            "to 3 % less in space, 0.5 % in the plane"
+        )
     sliding = [
         f"{arm.name}/{joint.name}"
         for arm in cell.arms
