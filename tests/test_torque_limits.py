@@ -10,8 +10,8 @@ from scipy.optimize import linprog
 
 import copose
 from cells import closed_postures, planar, two_pandas
+from copose.capability.contact_limits import inner_polyhedron
 from copose.capability.linear_programs import maximise_first
-from copose.capability.torque_limits import inner_polyhedron
 from copose.planning.allowances import Allowance
 from copose.planning.cell import Cell
 from copose.planning.machinery import Machinery

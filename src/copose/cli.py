@@ -16,7 +16,7 @@ from copose.version import __version__
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from copose.planning.search import Progress
+    from copose.planning.climbing import Progress
     from copose.problem import Problem
     from copose.results import Solution
 

@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 
 from copose.capability import ExactSet, forward_dynamics
-from copose.capability.torque_limits import Demand, Dynamics, WrenchBounds, wrench_bounds
+from copose.capability.contact_limits import WrenchBounds, wrench_bounds
+from copose.capability.torque_limits import Demand, Dynamics
 from copose.kernels import Kernel
 from copose.planning.cell import Cell
 from copose.poses import Array

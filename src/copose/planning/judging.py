@@ -14,7 +14,7 @@ from copose.poses import Array, Indices
 # polished are enough.
 _JUDGED, _MOST_JUDGED, _ENOUGH = 256, 4096, 4
 # Where a climb is dear so many for each that is polished are measured exactly.
-_MEASURED = 20
+_MEASURED = 10
 # The best of them go to better neighbours, so many times.
 _BEST, _SWEEPS = 16, 4
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from copose.capability.torque_limits import WrenchBounds
+from copose.capability.contact_limits import WrenchBounds
 from copose.mechanics import System
 from copose.planning.constraints import Constraint, equality
 from copose.planning.limits_measures import LimitsMeasure

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from copose.errors import InputError, nearest
 from copose.planning.cell import Cell
+from copose.planning.climbing import Progress
 from copose.planning.closing import CLOSED, project
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.measuring import Measures
 from copose.planning.running import EffortName, Run
-from copose.planning.search import Progress
 from copose.poses import Array
 from copose.problem import Problem
 from copose.results import Solution

@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from copose.capability.torque_limits import WrenchBounds
+from copose.capability.contact_limits import WrenchBounds
 from copose.planning.cell import Cell
 from copose.planning.constraints import Constraint, closure_constraints, equality
 from copose.planning.hessian import differenced_hessian

@@ -12,6 +12,7 @@ import numpy as np
 from copose.planning.answering import answer
 from copose.planning.capacity import HELD
 from copose.planning.cell import Cell
+from copose.planning.climbing import LocalOptimum, Progress
 from copose.planning.closing import CLOSED, project
 from copose.planning.giving_way import heaviest
 from copose.planning.machinery import Machinery, Setting
@@ -21,8 +22,6 @@ from copose.planning.notes import margin_notes
 from copose.planning.search import (
     EFFORTS,
     Found,
-    LocalOptimum,
-    Progress,
     climbed,
     local_search,
     search,

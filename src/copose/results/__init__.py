@@ -1,12 +1,10 @@
 """What is answered: postures, evidence, timings as frozen data, JSON in and out."""
 
 from copose.results.files import read_solution, to_json, write_file
+from copose.results.limits import AccelerationRecord, ExactSetRecord, WrenchRecord
+from copose.results.records import CompanionRecord, EllipsoidRecord, matrix, vector
 from copose.results.solution import (
-    AccelerationRecord,
     ArmRecord,
-    CompanionRecord,
-    EllipsoidRecord,
-    ExactSetRecord,
     FailureRecord,
     ObjectiveRecord,
     Optimum,
@@ -17,10 +15,7 @@ from copose.results.solution import (
     Solution,
     Timing,
     VerificationRecord,
-    WrenchRecord,
-    matrix,
     place,
-    vector,
 )
 
 __all__ = [
