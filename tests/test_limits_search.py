@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -12,10 +13,13 @@ from cells import closed_postures, tables, toml
 from copose.cli import main
 from copose.planning import search
 from copose.planning.cell import Cell
+from copose.planning.closing import project
 from copose.planning.judging import judged
+from copose.planning.limits_measures import HeldMass
+from copose.planning.machinery import Machinery
 from copose.planning.screening import Screened
 from copose.problem import parse
-from test_torque_limits import SPACES, cell_of
+from test_torque_limits import SPACES, cell_of, postures
 
 KINDS = {
     "acceleration": {"kind": "acceleration"},
@@ -80,27 +84,6 @@ def test_all_round_is_the_distance_of_the_nearest_facet(space: str) -> None:
     normals = np.column_stack([edges[:, 1], -edges[:, 0]])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     assert np.sum(normals * corners, axis=1).min() == pytest.approx(solution.objective.after)
-
-
-def test_local_optima_are_maxima_among_closed_postures_beside_them() -> None:
-    """Optimality of the program's answer, by the linear programs of postures around it."""
-    cell = cell_of("spatial", objective=objective("acceleration", "spatial"))
-    planner = copose.Planner(parse(cell))
-    solution = planner.solve(seed=0)
-    rng = np.random.default_rng(0)
-    machinery, setting = planner._machinery, planner._nominal
-    from copose.planning.closing import project
-
-    beside = []
-    for i, (kernels, q) in enumerate(
-        zip(machinery.arms, solution.after.joints.values(), strict=True)
-    ):
-        near = np.array(q) + rng.normal(scale=3e-3, size=(80, len(q)))
-        low, high = setting.lower[i], setting.upper[i]
-        beside.append(project(kernels, near, setting.placement.goals[i], low, high)[0])
-    values = machinery.objectives(setting, np.hstack(beside))
-    assert values.max() <= solution.objective.after + 1e-7
-    assert values.min() < solution.objective.after - 1e-4
 
 
 @pytest.mark.parametrize("kind", ["volume", "worst-direction", "payload"])
@@ -190,3 +173,69 @@ def test_the_same_seed_gives_the_same_bits_and_a_moved_object_builds_nothing() -
     cell["object"]["position"] = moved["position"]
     fresh = copose.solve(parse(cell)).objective.after
     assert planner.solve(object_pose=moved).objective.after == pytest.approx(fresh, rel=1e-9)
+
+
+def beside(planner: copose.Planner, solution, count: int, scale: float) -> np.ndarray:
+    """Objectives of closed postures around an answer."""
+    machinery, setting = planner._machinery, planner._nominal
+    rng = np.random.default_rng(0)
+    parts = []
+    arms = zip(machinery.arms, solution.after.joints.values(), strict=True)
+    for i, (kernels, q) in enumerate(arms):
+        near = np.array(q) + rng.normal(scale=scale, size=(count, len(q)))
+        low, high = setting.lower[i], setting.upper[i]
+        parts.append(project(kernels, near, setting.placement.goals[i], low, high)[0])
+    return machinery.objectives(setting, np.hstack(parts))
+
+
+@pytest.mark.parametrize("name", ["acceleration", "payload", "all-round"])
+@pytest.mark.parametrize("space", ["spatial", "planar"])
+def test_answers_are_maxima_among_closed_postures_beside_them(space: str, name: str) -> None:
+    """Optimality by the linear programs, or the facets, of postures around the answer."""
+    planner = copose.Planner(parse(cell_of(space, objective=objective(name, space))))
+    solution = planner.solve(seed=0, effort="low")
+    for scale in (1e-3, 1e-2):
+        values = beside(planner, solution, 150, scale)
+        assert np.nanmax(values) <= solution.objective.after + 1e-6
+        assert np.nanmin(values) < solution.objective.after - 1e-4
+
+
+@pytest.mark.parametrize("space", ["spatial", "planar"])
+def test_what_compares_accelerations_is_the_ellipsoid_about_the_centre(space: str) -> None:
+    """At the score the least ‖T⁻¹τ‖ is √(2N/π), by the full equations of motion."""
+    cell = cell_of(space, objective=objective("acceleration", space), ellipsoid={"gravity": True})
+    truth, drawn = postures(cell, 4)
+    ready = Cell.of(parse(cell))
+    machinery = Machinery(ready)
+    setting = machinery.setting(ready)
+    u, T = np.array(cell["objective"]["direction"]), truth.torque_limits()
+    for joints in drawn:
+        parts = [np.array(joints[arm.name])[None] for arm in ready.arms]
+        sums = sum(machinery.terms(setting, i, q) for i, q in enumerate(parts))
+        score = machinery.score.value(sums, setting.given)[0, 0]
+        B, center = truth.constrained_dynamics(joints)
+        least = np.linalg.norm(np.linalg.pinv(B * T) @ (score * u - center))
+        assert least == pytest.approx(math.sqrt(2 * len(T) / math.pi), rel=1e-5)
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_what_compares_holds_is_the_least_norm(space: str) -> None:
+    """The heaviest mass whose hold takes ‖T⁻¹τ‖ = √(2N/π), by least squares over wrenches."""
+    cell = cell_of(space)
+    truth, drawn = postures(cell, 4)
+    ready = Cell.of(parse(cell))
+    machinery = Machinery(ready, HeldMass(ready.torque_limits, ready.problem.space))
+    setting = machinery.setting(ready)
+    T = truth.torque_limits()
+    for joints in drawn:
+        parts = [np.array(joints[arm.name])[None] for arm in ready.arms]
+        sums = sum(machinery.terms(setting, i, q) for i, q in enumerate(parts))
+        mass = machinery.score.value(sums, setting.given)[0, 0]
+        _, J, g, _, X, weight = truth.at_rest(joints)
+        load = mass * weight / cell["object"]["mass"]
+        h, *_ = np.linalg.lstsq(X, load, rcond=None)
+        free = np.linalg.svd(X)[2][np.linalg.matrix_rank(X) :].T
+        A = J.T / T[:, None]
+        y, *_ = np.linalg.lstsq(A @ free, -(g / T + A @ h), rcond=None)
+        least = np.linalg.norm(g / T + A @ (h + free @ y))
+        assert least == pytest.approx(math.sqrt(2 * len(T) / math.pi), rel=1e-5)
