@@ -72,7 +72,8 @@ class Climbs:
         return [np.unique(part.round(9), axis=0) for part in parts]
 
     def responses(self, i: int, closed: Array, most: int) -> Array:
-        """Local optima of arm i alone beside the others' postures of the best end, (count, n_i).
+        """Local optima of arm i alone beside the others' postures of the best end, (count, n_i);
+        where no Newton step climbs, its best postures there.
 
         Args:
             i: the arm.
@@ -88,6 +89,8 @@ class Climbs:
         scores = machinery.score.value(machinery.terms(setting, i, closed) + rest, setting.given)
         scores = scores[:, 0]
         starts = closed[np.argsort(-scores, kind="stable")[:most]]
+        if not machinery.newton:
+            return np.asarray(starts)
         own = machinery.objective.sums.size(cell.system.space)
         ends = machinery.polisher(setting, i, rest[:own]).polish(starts)
         return np.asarray(ends.q[ends.converged])

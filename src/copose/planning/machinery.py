@@ -27,9 +27,9 @@ from copose.poses import Array, Mask
 
 # s
 _LOOK_AGAIN = 0.5
-# Solves in which demands that a program left out join it, the part of the way that the next may go
-# after one that led astray, and how little is too little, rad or m.
-_EXCHANGES, _NEARER, _NO_ROOM = 16, 0.3, 1e-6
+# Solves in which demands that a program left out join it, the first of which wander; the part of
+# the way that the next may go after one that led astray, and how little is too little, rad or m.
+_EXCHANGES, _WANDER, _NEARER, _NO_ROOM = 20, 6, 0.3, 1e-6
 # What a climb may lose by rounding, relative.
 _LOSS = 1e-9
 
@@ -287,8 +287,9 @@ class Machinery:
     def _exchanged(self, setting: Setting, start: Array, demands: tuple[Demand, ...]) -> LocalSolve:
         """Runs of IPOPT until no demand is left out, each better than the one before.
 
-        Demands that a run left out join the next. Where a run ends worse than it began, for the
-        demands that count have changed on its way, the next may go less far.
+        Demands that a run left out join the next. The first runs go wherever they lead, and the
+        best of their ends counts. Where a later one ends worse than it began, for the demands that
+        count have changed on its way, the next may go less far.
         """
         objective, cell, holding = self.objective, setting.cell, setting.holding
         assert isinstance(objective, LimitsMeasure)
@@ -296,20 +297,23 @@ class Machinery:
         best, value, room = start, self.objectives(setting, start[None])[0], np.inf
         lower, upper = setting.bounds
         end = LocalSolve(start, False, "Singular_Start", {})
-        for _ in range(_EXCHANGES):
-            box = np.maximum(lower, best - room), np.minimum(upper, best + room)
-            found = next(self._programs(setting, best[None], [demands], box))
+        here = best
+        for k in range(_EXCHANGES):
+            if k >= _WANDER:
+                here = best
+            box = np.maximum(lower, here - room), np.minimum(upper, here + room)
+            found = next(self._programs(setting, here[None], [demands], box))
             if not found.converged:
                 break
             parts = self.split(found.q[None])
             there = objective.exact(self.capacity, cell, holding, parts)[0]
             more = objective.tightened(self.capacity, cell, holding, parts, demands)
-            far = float(np.abs(found.q - best).max())
+            far, here = float(np.abs(found.q - here).max()), found.q
             if there > value or (more is None and not end.converged and far < _NO_ROOM):
                 best, value, end = found.q, there, found
                 if more is None and far < room * (1 - 1e-6):
                     break
-            else:
+            elif k >= _WANDER:
                 room = min(room, far) * _NEARER
                 if room < _NO_ROOM:
                     break

@@ -155,12 +155,14 @@ def search(
     dense = K <= 2 and all(kernels.n - kernels.m <= 1 for kernels in machinery.arms)
     # Where another score has compared them the best pair may have looked like many.
     dense = dense and machinery.newton
-    rounds = effort.rounds if machinery.newton else min(effort.rounds, 1)
+    # Where linear programs judge pairs they judge all of the best ends, once.
+    few = not (machinery.newton or machinery.dear)
+    rounds = min(effort.rounds, 1) if few else effort.rounds
     for _ in range(0 if dense or not polished.ends else rounds):
         # At a good combination every arm's posture is good for what the others add up to, and it
         # was polished for another sum before: so what is polished is combined anew.
-        postures = polished.postures(2 * most if machinery.newton else _RECOMBINED)
-        for i, kernels in enumerate(machinery.arms if machinery.newton else ()):
+        postures = polished.postures(_RECOMBINED if few else 2 * most)
+        for i, kernels in enumerate(() if few else machinery.arms):
             if K > 1 and kernels.n > kernels.m:
                 found = polished.responses(i, samples[i].closed, most)
                 postures[i] = np.vstack([postures[i], found])
