@@ -16,6 +16,7 @@ from copose.planning.aims import objective_of
 from copose.planning.cell import Cell
 from copose.planning.machinery import Machinery
 from copose.planning.measuring import Meter
+from copose.planning.program import Given
 from copose.problem import parse
 from reference import Problem as Truth
 from test_resolutions import SIZES, SPACES, cell_of
@@ -74,7 +75,7 @@ def test_twenty_of_twenty_closed_starts_converge(
     meter = Meter(ready)
     for k in range(20):
         start = np.concatenate([sample[k] for sample in samples])
-        end = program.solve(start, ready.parameters, objective.numbers, *bounds)
+        end = program.solve(start, [Given(ready.parameters, objective.numbers)], *bounds)
         assert end.converged, (k, end.status)
         assert max(end.violations.values()) <= 1e-8
         measured = meter.measure(ready, ready.system.split(end.q))
@@ -162,10 +163,10 @@ def test_directions_and_weights_are_parameters_of_the_program() -> None:
     built, fresh = Machinery(ready), Machinery(Cell.of(parse(other)))
     start = np.concatenate([arm.start for arm in ready.arms])
     bounds = np.concatenate(ready.lower), np.concatenate(ready.upper)
-    first = built.program.solve(start, ready.parameters, built.objective.numbers, *bounds)
+    first = built.program.solve(start, [Given(ready.parameters, built.objective.numbers)], *bounds)
     numbers = fresh.objective.numbers
     ends = [
-        machinery.program.solve(start, ready.parameters, numbers, *bounds)
+        machinery.program.solve(start, [Given(ready.parameters, numbers)], *bounds)
         for machinery in (built, fresh)
     ]
     assert np.array_equal(ends[0].q, ends[1].q) and not np.array_equal(first.q, ends[0].q)

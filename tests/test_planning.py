@@ -14,6 +14,7 @@ from cells import FILES, closed_postures, flat_arm, planar, random_cell, tables,
 from copose.mechanics import object_parameters
 from copose.planning.cell import Cell
 from copose.planning.machinery import Machinery
+from copose.planning.program import Given
 from copose.poses import Pose
 from copose.problem import parse
 from copose.results import Posture, Solution, to_json
@@ -208,7 +209,7 @@ def test_object_pose_mass_and_inertia_are_parameters() -> None:
     start = np.concatenate([closed_postures(other, i)[0] for i in range(2)])
     bounds = np.concatenate(other.lower), np.concatenate(other.upper)
     ends = [
-        built.solve(start, parameters, np.zeros(0), *bounds)
+        built.solve(start, [Given(parameters, np.zeros(0))], *bounds)
         for built in (program, Machinery(other).program)
     ]
     assert ends[0].converged and np.array_equal(ends[0].q, ends[1].q)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from pathlib import Path
 
 import pytest
@@ -61,7 +62,12 @@ SPATIAL = [
     ("object.position", [1, 2, 3, 4], "object.position: has 4 entries; at most 3 allowed"),
     ("object.angle", 1.0, "object.angle: unknown key"),
     ("object.velocity", [0] * 5, "object.velocity: has 5 entries; 6 are needed"),
-    ("object.freedom", {"x": [0, 1]}, "object.freedom: unknown key"),
+    ("object.freedom", {"w": [0, 1]}, "object.freedom.w: unknown key"),
+    ("object.freedom", {"x": [1, 0]}, "object.freedom.x: [1, 0]: crossed limits"),
+    ("object.freedom", {"x": [0, math.inf]}, "object.freedom.x[1]: inf must be finite"),
+    ("object.freedom", {"angle": [0, 1]}, "object.freedom.angle: unknown key"),
+    ("arms.1.freedom", {"base": {"roll": [0, 1]}}, "arms[1].freedom.base.roll: unknown key"),
+    ("arms.1.freedom", {"grasp": {"yaw": [0, 1]}}, "arms[1].freedom.grasp.yaw: unknown key"),
     ("object.shape", {"kind": "disk", "radius": 1.0}, "'disk' is not allowed here; allowed: 'box'"),
     ("object.shape", {"radius": 1.0}, "object.shape: missing kind"),
     ("object.shape", {"kind": "box", "size": [1, 1]}, "object.shape.size: has 2 entries; 3 are"),
@@ -113,7 +119,8 @@ SPATIAL = [
     ("constraints.internal_force", 0, "constraints.internal_force: 0 must be above zero"),
     ("arms.0.grip", {"force": -1.0}, "arms[0].grip.force: -1.0 must be above zero"),
     ("arms.0.grip", {"torque": 1.0}, "arms[0].grip.torque: unknown key"),
-    ("constraints.collision", True, "constraints.collision: unknown key"),
+    ("constraints.collision", 1, "constraints.collision: 1 must be true or false"),
+    ("constraints.clearance", -0.1, "constraints.clearance: -0.1 must be at least 0"),
     ("objective.kind", "pay", "objective.kind: 'pay' is not allowed here; allowed: 'volume'"),
     ("objective", {"kind": "acceleration"}, "objective.direction: one of direction and directions"),
     ("objective", along([1, 0]), "objective.direction: has 2 entries; 6 are needed"),
@@ -140,7 +147,15 @@ SPATIAL = [
     ("search.seed", 0.5, "search.seed: 0.5 must be a whole number"),
     ("search.reachable", True, "search.reachable: unknown key"),
     ("path", {"duration": 1.0}, "path: unknown key"),
-    ("obstacles", [], "obstacles: unknown key"),
+    ("obstacles", [{"name": "a", "position": [0, 0, 0]}], "obstacles[0].shape: missing"),
+    (
+        "obstacles",
+        [{"name": "a", "shape": {"kind": "disk", "radius": 1}, "position": [0, 0, 0]}],
+        "obstacles[0].shape.kind: 'disk' is not allowed here",
+    ),
+    ("cases", [{"name": "a"}, {"name": "a"}], "two cases are called 'a'; give each its own"),
+    ("cases", [{"name": "a", "direction": [1, 0, 0]}], "objective 'volume' has no direction"),
+    ("arms.0.fixed", True, "a fixed arm is held at its start, which is missing; give one"),
 ]
 
 

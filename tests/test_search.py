@@ -27,7 +27,7 @@ def machinery_of(cell: dict) -> tuple:
 def sampled(cell: dict, i: int, seed: int = 0) -> tuple:
     machinery, setting = machinery_of(cell)
     sampler = ArmSampler(machinery.cell, machinery.arms[i], i, setting.placement.goals[i])
-    return machinery.cell, sampler.sample(np.random.default_rng(seed), 128, 8, 1000)
+    return machinery.cell, sampler.sample(np.random.default_rng(seed), 128, 8, 1000, 4096)
 
 
 def nearest(cell: Cell, i: int, points: np.ndarray, q: np.ndarray) -> np.ndarray:

@@ -78,6 +78,16 @@ class Pose:
             quaternion = -quaternion
         return cls.make(position, rotation, quaternion)
 
+    @property
+    def rpy(self) -> Array:
+        """Fixed-axis roll, pitch, yaw, (3,), to working precision at pitches of ±90° too."""
+        R = self.rotation
+        pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
+        roll = np.arctan2(R[2, 1], R[2, 2])
+        # What is left without the roll: near ±90° the two are known only together.
+        left = R @ Pose.from_rpy(rpy=(-roll, 0.0, 0.0)).rotation
+        return np.array([roll, pitch, np.arctan2(-left[0, 1], left[1, 1])])
+
     def __matmul__(self, other: Pose) -> Pose:
         return Pose.make(
             self.rotation @ other.position + self.position,

@@ -161,7 +161,7 @@ def forward_dynamics(system: System, gravity: ca.SX, velocity: ca.SX) -> tuple[c
     full = ca.SX(6, 1)
     full[rows] = velocity
     omega = full[3:]
-    weight = ca.vertcat(gravity * held.parameters[7], ca.SX(3, 1))[rows]
+    weight = ca.vertcat(gravity * held.mass, ca.SX(3, 1))[rows]
     gyroscopic = ca.vertcat(ca.SX(3, 1), ca.cross(omega, held.inertia @ omega))[rows]
     S, force, pushes = held.M_o, weight - gyroscopic, []
     for i, arm in enumerate(system.arms):

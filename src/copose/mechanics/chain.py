@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from copose.poses import Array, Pose, quaternion_product
+from copose.poses import Array, Pose, quaternion_product, rotation_rows
 from copose.robots import Arm, Joint
 
 
@@ -24,11 +24,29 @@ def multiply_quaternions(a: ca.SX, b: ca.SX) -> ca.SX:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A frame in the arm's root frame: origin, axes, and the quaternion along the chain."""
+    """A frame in another: origin, axes, and the quaternion of its rotation."""
 
     position: ca.SX
     rotation: ca.SX
     quaternion: ca.SX
+
+    @classmethod
+    def at(cls, pose: Pose) -> Frame:
+        """A frame that nothing moves."""
+        quaternion = ca.SX(ca.DM(pose.quaternion))
+        return cls(constant(pose.position), constant(pose.rotation), quaternion)
+
+    @classmethod
+    def free(cls, name: str) -> tuple[Frame, ca.SX]:
+        """A frame that may be moved, and the numbers that place it: position, quaternion, (7,)."""
+        numbers = ca.SX.sym(name, 7)
+        position, quaternion = numbers[:3], numbers[3:]
+        return cls(position, ca.blockcat(rotation_rows(quaternion)), quaternion), numbers
+
+    @property
+    def inverse_quaternion(self) -> ca.SX:
+        """Of the rotation back."""
+        return self.quaternion * ca.DM([1, -1, -1, -1])
 
     def moved(self, pose: Pose) -> Frame:
         """The frame that ``pose`` places in this one."""

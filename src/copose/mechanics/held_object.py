@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from copose.mechanics.chain import Frame
 from copose.poses import Array, Pose, rotation_rows
 from copose.problem import Space
 
@@ -40,6 +41,7 @@ class HeldObject:
         position: centre of mass in the world.
         rotation: R_world_object.
         quaternion: the same.
+        mass: kg.
         M_o: inertia in the task space, (m, m).
         W: one block per contact, (m, m) each: wrench at contact i on the object's centre of mass.
         balance: one block per contact, (b, m) each: the same with the moments that forces exert
@@ -54,6 +56,7 @@ class HeldObject:
     position: ca.SX
     rotation: ca.SX
     quaternion: ca.SX
+    mass: ca.SX
     M_o: ca.SX
     W: tuple[ca.SX, ...]
     balance: tuple[ca.SX, ...]
@@ -63,7 +66,7 @@ class HeldObject:
 
     @classmethod
     def held_at(
-        cls, space: Space, grasps: Sequence[Pose], load_distribution: str = "moore-penrose"
+        cls, space: Space, grasps: Sequence[Frame], load_distribution: str = "moore-penrose"
     ) -> HeldObject:
         """An object held at the given placements of the tips in its frame.
 
@@ -89,7 +92,7 @@ class HeldObject:
         inertia = rotation @ inertia @ rotation.T
         full = ca.diagcat(mass * ca.SX.eye(3), inertia)
         rows = list(space.rows)
-        contacts = tuple(rotation @ ca.SX(ca.DM(grasp.position)) for grasp in grasps)
+        contacts = tuple(rotation @ grasp.position for grasp in grasps)
         W = tuple(_grasp_matrix(r)[rows, rows] for r in contacts)
         balanced = list(space.balance)
         if load_distribution == "nonsqueezing":
@@ -101,6 +104,7 @@ class HeldObject:
             position=position,
             rotation=rotation,
             quaternion=quaternion,
+            mass=mass,
             M_o=full[rows, rows],
             W=W,
             balance=tuple(_grasp_matrix(r)[balanced, rows] for r in contacts),

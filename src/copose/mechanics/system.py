@@ -74,6 +74,7 @@ class ArmMechanics:
     Attributes:
         arm: the numbers.
         space: the task space.
+        base: its root frame in the world.
         q: joint positions, (n,).
         chain: frames in the root frame.
         J_root: task rows of the geometric Jacobian of the tip's origin, root axes, (m, n).
@@ -82,23 +83,25 @@ class ArmMechanics:
 
     arm: Arm
     space: Space
+    base: Frame
     q: ca.SX
     chain: Chain
     J_root: ca.SX
     M: ca.SX
 
     @classmethod
-    def of(cls, arm: Arm, space: Space) -> ArmMechanics:
-        """The expressions of an arm."""
+    def of(cls, arm: Arm, space: Space, base: Frame | None = None) -> ArmMechanics:
+        """The expressions of an arm, on another base than its own if one is given."""
+        base = Frame.at(arm.base) if base is None else base
         q = ca.SX.sym(f"q_{arm.name}", arm.n)
         chain = Chain.of(arm, q)
         J_root = chain.jacobian()[list(space.rows), :]
-        return cls(arm, space, q, chain, J_root, mass_matrix(chain))
+        return cls(arm, space, base, q, chain, J_root, mass_matrix(chain))
 
     @property
     def R_world_root(self) -> ca.SX:
         """Turns task vectors from root axes to world axes, (m, m)."""
-        R, rows = constant(self.arm.base.rotation), list(self.space.rows)
+        R, rows = self.base.rotation, list(self.space.rows)
         return ca.diagcat(R, R)[rows, rows]
 
     @property
@@ -109,12 +112,15 @@ class ArmMechanics:
     @property
     def tip(self) -> Frame:
         """Tip frame in the world."""
-        base, tip = self.arm.base, self.chain.tip
+        base, tip = self.base, self.chain.tip
         return Frame(
-            _in_world(self.arm, tip.position),
-            constant(base.rotation) @ tip.rotation,
-            multiply_quaternions(ca.SX(ca.DM(base.quaternion)), tip.quaternion),
+            self._in_world(tip.position),
+            base.rotation @ tip.rotation,
+            multiply_quaternions(base.quaternion, tip.quaternion),
         )
+
+    def _in_world(self, point: ca.SX) -> ca.SX:
+        return self.base.position + self.base.rotation @ point
 
     def pose_error(self, goal: Goal) -> tuple[ca.SX, ca.SX]:
         """p_tip − p_goal in root axes, m, (3,), and the quaternion q_goal⁻¹ ⊗ q_tip, (4,)."""
@@ -134,7 +140,7 @@ class ArmMechanics:
 
     def gravity_torques(self, gravity: Array | ca.SX) -> ca.SX:
         """Torques that hold the arm, (n,); gravity in world axes, m/s²."""
-        return self.weight_torques(constant(self.arm.base.rotation.T) @ gravity)
+        return self.weight_torques(self.base.rotation.T @ gravity)
 
     def weight_torques(self, fall: ca.SX) -> ca.SX:
         """The same for an acceleration of free fall in root axes, see `Coupling`."""
@@ -166,11 +172,7 @@ class ArmMechanics:
     def skeleton(self) -> ca.SX:
         """Points to draw the arm by: root, joint origins, tip; (3, n + 2), world."""
         points = [ca.SX(3, 1), *(frame.position for frame in self.chain.frames)]
-        return ca.horzcat(*(_in_world(self.arm, point) for point in points), self.tip.position)
-
-
-def _in_world(arm: Arm, point: ca.SX) -> ca.SX:
-    return constant(arm.base.position) + constant(arm.base.rotation) @ point
+        return ca.horzcat(*(self._in_world(point) for point in points), self.tip.position)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,14 +182,19 @@ class System:
     Attributes:
         space: the task space.
         arms: one arm's expressions each, in file order.
+        grasps: tip frames in the object frame, alike.
         object: the object's.
         gravity: acceleration of free fall, world axes, m/s², (3,).
+        parameters: the object's, see `object_parameters`; then position and quaternion of the base
+            of every arm that may be moved, and of every grasp that may, see `Arm.free`.
     """
 
     space: Space
     arms: tuple[ArmMechanics, ...]
+    grasps: tuple[Frame, ...]
     object: HeldObject
     gravity: Array
+    parameters: ca.SX
 
     @classmethod
     def of(
@@ -202,12 +209,30 @@ class System:
         Raises:
             InputError: an arm's mass matrix is not positive definite; the joint is named.
         """
-        expressions = tuple(ArmMechanics.of(arm, space) for arm in arms)
+        places: dict[str, list[ca.SX]] = {"base": [], "grasp": []}
+
+        def frame(arm: Arm, what: str) -> Frame:
+            if what not in arm.free:
+                return Frame.at(getattr(arm, what))
+            moved, numbers = Frame.free(f"{what}_{arm.name}")
+            places[what].append(numbers)
+            return moved
+
+        expressions = tuple(ArmMechanics.of(arm, space, frame(arm, "base")) for arm in arms)
         for i, expression in enumerate(expressions):
             _check_mass_matrix(expression, f"arms[{i}]")
-        grasps = [arm.grasp for arm in arms]
+        grasps = tuple(frame(arm, "grasp") for arm in arms)
         held = HeldObject.held_at(space, grasps, load_distribution)
-        return cls(space, expressions, held, np.zeros(3) if gravity is None else gravity)
+        fall = np.zeros(3) if gravity is None else gravity
+        parameters = ca.vertcat(held.parameters, *places["base"], *places["grasp"])
+        return cls(space, expressions, grasps, held, fall, parameters)
+
+    def numbers(self, thing: Array, arms: Sequence[Arm]) -> Array:
+        """What `parameters` are for an object, see `object_parameters`, and these arms."""
+        poses = [getattr(arm, what) for what in ("base", "grasp") for arm in arms
+                 if what in arm.free]  # fmt: skip
+        placed = [part for pose in poses for part in (pose.position, pose.quaternion)]
+        return np.concatenate([thing, *placed])
 
     @property
     def q(self) -> ca.SX:
@@ -220,13 +245,12 @@ class System:
 
     def goal(self, i: int) -> Goal:
         """Where the object wants the tip of arm i."""
-        base, grasp, held = self.arms[i].arm.base, self.arms[i].arm.grasp, self.object
-        position = held.position + held.rotation @ constant(grasp.position)
-        quaternion = multiply_quaternions(held.quaternion, ca.SX(ca.DM(grasp.quaternion)))
-        back = ca.SX(ca.DM(base.inverse().quaternion))
+        base, grasp, held = self.arms[i].base, self.grasps[i], self.object
+        position = held.position + held.rotation @ grasp.position
+        quaternion = multiply_quaternions(held.quaternion, grasp.quaternion)
         return Goal(
-            constant(base.rotation.T) @ (position - constant(base.position)),
-            multiply_quaternions(back, quaternion),
+            base.rotation.T @ (position - base.position),
+            multiply_quaternions(base.inverse_quaternion, quaternion),
         )
 
     def coupling(self, i: int) -> Coupling:
@@ -238,7 +262,7 @@ class System:
             share=turn @ held.W_pinv[i],
             load=turn @ held.W_pinv[i] @ held.M_o,
             balance=held.balance[i] @ turn.T,
-            fall=constant(arm.arm.base.rotation.T @ self.gravity),
+            fall=arm.base.rotation.T @ constant(self.gravity),
         )
 
     def pose_error(self, i: int) -> tuple[ca.SX, ca.SX]:

@@ -153,7 +153,7 @@ class Placer:
             ]
         self._scales = scales
         self._edges = np.cumsum([part.numel() for part in parts])[:-1]
-        self.kernel = Kernel(system.object.parameters, ca.SX(0, 1), ca.vertcat(*parts))
+        self.kernel = Kernel(system.parameters, ca.SX(0, 1), ca.vertcat(*parts))
 
     def __call__(self, parameters: Array) -> Placement:
         """The placement of an object."""

@@ -27,6 +27,7 @@ class Holding:
         motion: X_i by arm, see `Coupling`, (m, m).
         balance: P_i by arm, (b, m).
         turns: from root axes to world axes by arm, (m, m).
+        falls: acceleration of free fall in root axes by arm, m/s², (3,).
         inertia: M_o, (m, m).
         mass: kg.
         weight: what holds the object against gravity, g_o, (b,).
@@ -35,6 +36,7 @@ class Holding:
     motion: tuple[Array, ...]
     balance: tuple[Array, ...]
     turns: tuple[Array, ...]
+    falls: tuple[Array, ...]
     inertia: Array
     mass: float
     weight: Array
@@ -73,7 +75,6 @@ class Capacity:
         system = cell.system
         self.limits = tuple(limits)
         self._m, self._b = system.space.m, len(system.space.balance)
-        self._fall = tuple(arm.arm.base.rotation.T @ system.gravity for arm in system.arms)
         fall = ca.SX.sym("fall", 3)
         kernels: dict[bytes, Kernel] = {}
         for arm in system.arms:
@@ -85,22 +86,23 @@ class Capacity:
         couplings = [system.coupling(i) for i in range(len(system.arms))]
         self._held = ca.Function(
             "holding",
-            [system.object.parameters],
+            [system.parameters],
             [
                 *(coupling.motion for coupling in couplings),
                 *(coupling.balance for coupling in couplings),
+                *(arm.R_world_root for arm in system.arms),
+                *(coupling.fall for coupling in couplings),
                 system.object.M_o,
             ],
         )
         gravity = ca.SX(ca.DM(system.gravity))
         self._accelerations = Kernel(
             system.q,
-            system.object.parameters,
+            system.parameters,
             ca.horzcat(*forward_dynamics(system, gravity, ca.SX.zeros(self._m))),
         )
-        self._turns = tuple(np.array(ca.DM(arm.R_world_root)) for arm in system.arms)
         self.bounds: WrenchBounds = wrench_bounds(
-            self._turns,
+            self.holding(cell).turns,
             system.space.linear,
             system.space.angular,
             [(arm.grip.force, arm.grip.moment) for arm in cell.problem.arms],
@@ -114,7 +116,9 @@ class Capacity:
         weight = np.zeros(self._b)
         fall = cell.system.gravity[: 2 if cell.problem.space.planar else 3]
         weight[: len(fall)] = -mass * fall
-        return Holding(tuple(parts[:K]), tuple(parts[K:]), self._turns, inertia, mass, weight)
+        motion, balance, turns, falls = (tuple(parts[k : k + K]) for k in range(0, 4 * K, K))
+        falls = tuple(fall.ravel() for fall in falls)
+        return Holding(motion, balance, turns, falls, inertia, mass, weight)
 
     def exact_set(self, cell: Cell, q: Sequence[Array], axes: Sequence[int]) -> ExactSet | None:
         """The accelerations, on these axes alone, of one posture at rest, by arm (n_i,).
@@ -137,7 +141,7 @@ class Capacity:
             bounded: whether contact wrenches have limits.
         """
         M, J, g = [], [], []
-        for kernel, fall, mine in zip(self._arms, self._fall, q, strict=True):
+        for kernel, fall, mine in zip(self._arms, holding.falls, q, strict=True):
             n, m = mine.shape[1], self._m
             values = kernel(mine, fall)
             M.append(values[:, : n * n].reshape(-1, n, n))

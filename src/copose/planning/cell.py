@@ -13,7 +13,7 @@ from copose.capability import RESOLUTIONS, Resolution
 from copose.errors import InputError, nearest
 from copose.mechanics import System, object_parameters
 from copose.poses import Array, Mask
-from copose.problem import ConstraintsSpec, Problem, moved
+from copose.problem import ConstraintsSpec, Problem, case_problems, moved
 from copose.robots import Arm, load_arms
 
 
@@ -25,7 +25,7 @@ class Cell:
         problem: as asked.
         arms: as plain numbers, in file order.
         system: as expressions.
-        parameters: the object's numbers.
+        parameters: numbers that `System.parameters` stand for.
         lower: by arm, lowest joint positions, margin kept.
         upper: alike.
         resolution: whose ellipsoid is asked for.
@@ -61,9 +61,9 @@ class Cell:
             problem=problem,
             arms=arms,
             system=system,
-            parameters=_parameters(problem),
-            lower=tuple(arm.lower + margin for arm in arms),
-            upper=tuple(arm.upper - margin for arm in arms),
+            parameters=_parameters(system, problem, arms),
+            lower=tuple(_kept(arm, arm.lower + margin) for arm in arms),
+            upper=tuple(_kept(arm, arm.upper - margin) for arm in arms),
             resolution=RESOLUTIONS[problem.ellipsoid.resolution],
             scales=scales,
         )
@@ -160,8 +160,19 @@ class Cell:
         Raises:
             InputError: it is no place.
         """
-        problem = moved(self.problem, place)
-        return replace(self, problem=problem, parameters=_parameters(problem))
+        return self.with_places(moved(self.problem, place), self.arms)
+
+    def with_places(self, problem: Problem, arms: tuple[Arm, ...]) -> Cell:
+        """The same cell for a problem, and arms, that differ in places and masses alone."""
+        parameters = _parameters(self.system, problem, arms)
+        return replace(self, problem=problem, arms=arms, parameters=parameters)
+
+    @cached_property
+    def cases(self) -> tuple[Cell, ...]:
+        """A cell for every case of the problem; itself where it has none."""
+        if not self.problem.cases:
+            return (self,)
+        return tuple(self.with_places(each, self.arms) for each in case_problems(self.problem))
 
     def under(self, constraints: ConstraintsSpec) -> Cell:
         """The same cell with other constraints than the file's."""
@@ -225,10 +236,15 @@ def _within_half_a_turn(q: Array, revolute: Mask) -> Array:
     return turned if revolute.all() else np.where(revolute, turned, q)
 
 
-def _parameters(problem: Problem) -> Array:
+def _parameters(system: System, problem: Problem, arms: Sequence[Arm]) -> Array:
     thing = problem.object
     inertia = thing.inertia if thing.inertia is not None else 0.0
-    return object_parameters(thing.pose, thing.mass, inertia)
+    return system.numbers(object_parameters(thing.pose, thing.mass, inertia), arms)
+
+
+def _kept(arm: Arm, limits: Array) -> Array:
+    """Limits of an arm; its start is all that a fixed one has."""
+    return limits if not arm.fixed or arm.start is None else arm.start
 
 
 def _torque_scales(problem: Problem, arms: Sequence[Arm]) -> tuple[Array, ...]:

@@ -47,8 +47,11 @@ class Climbs:
     not meet its tolerance, and where the objective has kinks.
     """
 
-    def __init__(self, machinery: Machinery, setting: Setting, progress: Progress) -> None:
-        """Nothing polished yet."""
+    def __init__(
+        self, machinery: Machinery, setting: Setting, progress: Progress, most: int = _KINKED
+    ) -> None:
+        """Nothing polished yet; of what Newton steps leave so many are finished by IPOPT."""
+        self._most = min(most, _KINKED)
         self._machinery, self._setting, self._progress = machinery, setting, progress
         self.starts = 0
         self.ends: list[LocalOptimum] = []
@@ -131,7 +134,7 @@ class Climbs:
         values = machinery.objectives(setting, ends.q)
         for q, value in zip(ends.q[solved], values[solved], strict=True):
             self.ends.append(LocalOptimum(q, float(value), 1))
-        left = _left(setting.cell, ends, solved | ~held, machinery.smooth)
+        left = _left(setting.cell, ends, solved | ~held, machinery.smooth, self._most)
         # Where torque limits end a climb IPOPT climbs with them, from a start that keeps them.
         left = np.vstack([left, starts[~held & machinery.held(setting, starts)]])
         if machinery.smooth:
@@ -162,17 +165,17 @@ class Climbs:
         return np.where(good, values, -np.inf)
 
 
-def _left(cell: Cell, ends: Polished, solved: Mask, smooth: bool) -> Array:
+def _left(cell: Cell, ends: Polished, solved: Mask, smooth: bool, most: int) -> Array:
     """Ends that IPOPT has to go on from, (count, N)."""
     order = np.argsort(-ends.value, kind="stable")
     order = order[~solved[order] & np.isfinite(ends.value[order])]
     if smooth:
         best = ends.value[solved].max(initial=-np.inf)
         near = order[ends.value[order] > best - _NEAR_BEST]
-        return np.asarray(ends.q[near[:_KINKED]])
+        return np.asarray(ends.q[near[:most]])
     chosen: Array = ends.q[:0]
     for row in ends.q[order]:
-        if len(chosen) < _KINKED and np.all(cell.distances(chosen, row) > _SAME_JOINTS):
+        if len(chosen) < most and np.all(cell.distances(chosen, row) > _SAME_JOINTS):
             chosen = np.vstack([chosen, row])
     return chosen
 

@@ -34,9 +34,7 @@ class Companions:
         velocity, force = ClosedChainVelocity(), ExternalForce()
         parts = [form.factor(system, T) for form in (velocity, force) for T in (ones, cell.scales)]
         torque_maps = [arm.J.T / T for arm, T in zip(system.arms, cell.scales, strict=True)]
-        self._parts = Parts(
-            system.q, system.object.parameters, [*parts, *torque_maps, *system.object.W]
-        )
+        self._parts = Parts(system.q, system.parameters, [*parts, *torque_maps, *system.object.W])
 
     def of(self, cell: Cell, joints: Sequence[Array]) -> dict[str, CompanionRecord]:
         """By name, with nulls where an arm is singular; joints by arm, (n_i,)."""

@@ -28,10 +28,21 @@ def equality(name: str, expression: ca.SX, unit: str) -> Constraint:
     return Constraint(name, expression, zero, zero, unit)
 
 
-def closure_constraints(system: System) -> tuple[Constraint, ...]:
-    """Every tip at its grasp: the residuals of `System.closure` are zero."""
+def closure_constraints(system: System, pinned: Array | None = None) -> tuple[Constraint, ...]:
+    """Every tip at its grasp: the residuals of `System.closure` are zero.
+
+    Args:
+        system: the expressions.
+        pinned: combinations of the fixed arms' residuals, (rank, rows), that what is free beside
+            the joints can change; None where nothing is, and fixed arms are no matter of it.
+    """
     unit = "m, rad" if system.space.rigid else "m"
-    return tuple(
+    moving = tuple(
         equality(f"closure of arm {arm.arm.name}", system.closure(i), unit)
         for i, arm in enumerate(system.arms)
+        if not arm.arm.fixed
     )
+    if pinned is None or not len(pinned):
+        return moving
+    held = [system.closure(i) for i, arm in enumerate(system.arms) if arm.arm.fixed]
+    return (*moving, equality("closure of fixed arms", ca.DM(pinned) @ ca.vertcat(*held), unit))

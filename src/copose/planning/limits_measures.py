@@ -79,6 +79,10 @@ class LimitsMeasure(Objective):
         pairs = zip(parts[::2], parts[1::2], strict=True)
         return [(ca.reshape(motion, m, 2), ca.reshape(load, b, 2)) for motion, load in pairs]
 
+    def carried(self, motion: ca.SX, mass: ca.SX) -> ca.SX:
+        """What M_o multiplies in the load of a demand with this motion, (m, 2)."""
+        return motion
+
     def score(self, sums: ca.SX, M_o: ca.SX, numbers: ca.SX, axes: Sequence[int]) -> ca.SX:
         """The least reach, with the box of torques taken for an ellipsoid."""
         total = sum(len(scale) for scale in self.scales)
@@ -185,6 +189,10 @@ class Payload(LimitsMeasure):
     def demands(self, holding: Holding) -> tuple[Demand, ...]:
         """Any mass."""
         return (holding.payload(self.acceleration),)
+
+    def carried(self, motion: ca.SX, mass: ca.SX) -> ca.SX:
+        """The acceleration, per kg, in proportion to t."""
+        return ca.horzcat(ca.SX(motion.shape[0], 1), motion[:, 0] / mass)
 
 
 class HeldMass(LimitsMeasure):

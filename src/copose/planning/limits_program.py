@@ -35,12 +35,23 @@ class Addition:
 
 
 def limits_addition(
-    system: System, objective: LimitsMeasure, numbers: ca.SX, bounds: WrenchBounds
+    system: System,
+    objective: LimitsMeasure,
+    numbers: ca.SX,
+    bounds: WrenchBounds,
+    turned: ca.SX | None = None,
 ) -> Addition:
     """The least t of an objective's demands.
 
     Variables are those of each demand, t first, see `_demand`; with several demands the last
     variable is the least t.
+
+    Args:
+        system: the expressions.
+        objective: whose demands they are.
+        numbers: the demands, as `LimitsMeasure.parted` takes them.
+        bounds: on contact wrenches.
+        turned: by how much M_o differs from that for which the demands are told, (m, m).
     """
     bounds = bounds if objective.balanced else bounds.none
     reached, variables, constraints = [], [], []
@@ -48,6 +59,9 @@ def limits_addition(
         name = "" if objective.programmed == 1 else f" of demand {k + 1}"
         t = ca.SX.sym("t")
         moved = None if objective.still else motion
+        if turned is not None:
+            more_load = turned @ objective.carried(motion, system.object.mass)
+            load += ca.vertcat(more_load, ca.SX(load.shape[0] - more_load.shape[0], 2))
         own, more = _demand(system, moved, load, t, objective.scales, bounds, name)
         reached.append(t)
         variables += [t, *own]
@@ -66,7 +80,7 @@ def holding_addition(system: System, limits: Sequence[Array], bounds: WrenchBoun
     """Some contact wrenches hold the object at rest; they are the variables, stacked."""
     b, fall = len(system.space.balance), system.gravity
     rows = 2 if system.space.planar else 3
-    weight = -system.object.parameters[7] * ca.DM(fall[:rows])
+    weight = -system.object.mass * ca.DM(fall[:rows])
     load = ca.horzcat(ca.vertcat(weight, ca.SX(b - rows, 1)), ca.SX(b, 1))
     still = _demand(system, None, load, ca.SX(0), limits, bounds, " that hold the object")
     return Addition(ca.vertcat(*still[0]), tuple(still[1]))

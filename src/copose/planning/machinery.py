@@ -17,11 +17,13 @@ from copose.planning.aims import objective_of
 from copose.planning.arm_kernels import ArmKernels, Placement, Placer, terms_kernel
 from copose.planning.capacity import HELD, Capacity, Holding
 from copose.planning.cell import Cell
+from copose.planning.freedom import Freedom
 from copose.planning.limits_measures import LimitsMeasure
-from copose.planning.measuring import Measures, Meter, closure_errors
+from copose.planning.measuring import Measurement, Measures, Meter, closure_errors
 from copose.planning.objectives import EllipsoidMeasure, Objective
+from copose.planning.places import Places
 from copose.planning.polishing import Crew, Polisher
-from copose.planning.program import LocalSolve, PostureProgram
+from copose.planning.program import Given, LocalSolve, PostureProgram
 from copose.planning.screening import Score
 from copose.poses import Array, Mask
 
@@ -40,6 +42,7 @@ class Setting:
 
     Attributes:
         cell: the object's pose is its problem's.
+        objective: what is maximised there.
         placement: of the object, as the arms' kernels take it.
         given: M_o, the object's weight and the objective's numbers, as the score's kernels take
             them.
@@ -51,6 +54,7 @@ class Setting:
     """
 
     cell: Cell
+    objective: Objective
     placement: Placement
     given: Array
     lower: tuple[Array, ...]
@@ -90,6 +94,7 @@ class Machinery:
         """
         self.cell = cell
         self.objective: Objective = objective_of(cell) if objective is None else objective
+        self._given = objective
         self.static = cell.problem.constraints.static_torque
         self.capacity = None
         if isinstance(self.objective, LimitsMeasure) or self.static:
@@ -108,7 +113,7 @@ class Machinery:
         self._held_placer = None
         if self.static and cell.torque_limits is not None:
             self._held_placer = Placer(cell.system, HoldingTorque(), cell.torque_limits)
-        self._nominal, numbers = self._numbers_of(cell)
+        self._nominal, numbers = self._numbers_of(cell, self.objective)
         self._numbers = len(numbers)
         self.score = Score(cell, self.objective, self._numbers)
         self.meter = Meter(cell, self.objective, self.capacity)
@@ -121,23 +126,37 @@ class Machinery:
         if self.capacity is not None:
             self._kernels += self.capacity.kernels
 
-    def _numbers_of(self, cell: Cell) -> tuple[Holding | None, Array]:
-        """How the object of a cell is held, and the objective's parameters there."""
+    def _numbers_of(self, cell: Cell, objective: Objective) -> tuple[Holding | None, Array]:
+        """How the object of a cell is held, and an objective's parameters there."""
         holding = None if self.capacity is None else self.capacity.holding(cell)
-        if isinstance(self.objective, EllipsoidMeasure):
-            return holding, self.objective.numbers
-        assert isinstance(self.objective, LimitsMeasure) and holding is not None
-        return holding, self.objective.numbers(self.objective.demands(holding))
+        if isinstance(objective, EllipsoidMeasure):
+            return holding, objective.numbers
+        assert isinstance(objective, LimitsMeasure) and holding is not None
+        return holding, objective.numbers(objective.demands(holding))
 
     @cached_property
     def program(self) -> PostureProgram:
         """The posture program, for IPOPT."""
+        return self._program(None)
+
+    @cached_property
+    def places(self) -> Places:
+        """What is free beside the joints, for all cases."""
+        cases = tuple(case.name for case in self.cell.problem.cases) or ("",)
+        return Places(self.cell, Freedom.of(self.cell.problem), cases)
+
+    @cached_property
+    def placing_program(self) -> PostureProgram:
+        """The posture program of all cases with everything that is free."""
+        return self._program(self.places)
+
+    def _program(self, places: Places | None) -> PostureProgram:
         bounds = None if self.capacity is None else self.capacity.bounds
         numbers = self._numbers
         if isinstance(self.objective, LimitsMeasure) and self._nominal is not None:
             demands = self.objective.demands(self._nominal)[: self.objective.programmed]
             numbers = len(self.objective.numbers(demands))
-        return PostureProgram(self.cell, self.objective, numbers, bounds)
+        return PostureProgram(self.cell, self.objective, numbers, bounds, places)
 
     def compiled(self, *, wait: bool = False) -> bool:
         """Whether compiled kernels are in use; what is missing is compiled, see `kernels.build`."""
@@ -159,11 +178,15 @@ class Machinery:
     def setting(self, cell: Cell) -> Setting:
         """A cell of these arms, for the kernels."""
         placement = self._placer(cell.parameters)
-        holding, numbers = self._numbers_of(cell)
+        objective = self.objective
+        if self._given is None and cell.problem.objective is not self.cell.problem.objective:
+            objective = objective_of(cell)
+        holding, numbers = self._numbers_of(cell, objective)
         weight = np.zeros(len(cell.system.space.balance)) if holding is None else holding.weight
         turns = [cell.turns(i) for i in range(len(cell.arms))]
         return Setting(
             cell=cell,
+            objective=objective,
             placement=placement,
             given=np.concatenate([placement.inertia, weight, numbers]),
             lower=tuple(
@@ -189,11 +212,17 @@ class Machinery:
             only: an arm that moves alone.
             rest: what the others then add to the sums, (s,).
         """
-        moving = range(len(self.arms)) if only is None else [only]
-        edges = np.cumsum([0] + [self.arms[i].n for i in moving])
         place, crews = setting.placement, []
+        every = range(len(self.arms)) if only is None else [only]
+        edges = np.cumsum([0] + [self.arms[i].n for i in every])
+        moving = [i for i in every if not setting.cell.arms[i].fixed]
+        edges = edges[[every.index(i) for i in moving]]
+        for i in every:
+            if i not in moving:
+                start = np.asarray(setting.cell.arms[i].start)[None]
+                rest = rest + self.arms[i].terms(start, place.ties[i])[0]
         for kernels_ in dict.fromkeys(self.arms[i] for i in moving):
-            mates = [(i, edge) for i, edge in zip(moving, edges, strict=False)
+            mates = [(i, edge) for i, edge in zip(moving, edges, strict=True)
                      if self.arms[i] is kernels_]  # fmt: skip
             crews.append(
                 Crew(
@@ -236,7 +265,7 @@ class Machinery:
         return np.split(q, edges, axis=1)
 
     def _objectives(self, setting: Setting, q: Sequence[Array], grams: Array | None) -> Array:
-        objective = self.objective
+        objective = setting.objective
         if isinstance(objective, EllipsoidMeasure):
             assert grams is not None
             values = np.full(len(grams), np.nan)
@@ -249,10 +278,10 @@ class Machinery:
 
     def estimates(self, setting: Setting, q: Array) -> Array:
         """The objective at postures, (count, N), or a bound of it that is quicker."""
-        if not isinstance(self.objective, LimitsMeasure):
+        if not isinstance(setting.objective, LimitsMeasure):
             return self.objectives(setting, q)
         assert self.capacity is not None and setting.holding is not None
-        return self.objective.estimates(self.capacity, setting.holding, self.split(q))
+        return setting.objective.estimates(self.capacity, setting.holding, self.split(q))
 
     def shares(self, setting: Setting, q: Array) -> Array:
         """The largest share of a torque limit with which postures hold the object, (count,)."""
@@ -268,11 +297,11 @@ class Machinery:
 
     def solve_programs(self, setting: Setting, q: Array) -> Iterator[LocalSolve]:
         """Runs of IPOPT from postures, (count, N)."""
-        objective, holding = self.objective, setting.holding
+        objective, holding = setting.objective, setting.holding
         if self.capacity is None or holding is None or not isinstance(objective, LimitsMeasure):
             yield from self._programs(setting, q, None)
             return
-        demands = objective.nearest(self.capacity, setting.cell, holding, self.split(q))
+        demands = self.demands(setting, q)
         if not objective.dear:
             ends = list(self._programs(setting, q, demands))
             there = self.objectives(setting, np.array([end.q for end in ends]))
@@ -291,7 +320,7 @@ class Machinery:
         best of their ends counts. Where a later one ends worse than it began, for the demands that
         count have changed on its way, the next may go less far.
         """
-        objective, cell, holding = self.objective, setting.cell, setting.holding
+        objective, cell, holding = setting.objective, setting.cell, setting.holding
         assert isinstance(objective, LimitsMeasure)
         assert self.capacity is not None and holding is not None
         best, value, room = start, self.objectives(setting, start[None])[0], np.inf
@@ -307,7 +336,7 @@ class Machinery:
                 break
             parts = self.split(found.q[None])
             there = objective.exact(self.capacity, cell, holding, parts)[0]
-            more = objective.tightened(self.capacity, cell, holding, parts, demands)
+            more = self.tightened(setting, found.q[None], demands)
             far, here = float(np.abs(found.q - here).max()), found.q
             if there > value or (more is None and not end.converged and far < _NO_ROOM):
                 best, value, end = found.q, there, found
@@ -329,7 +358,37 @@ class Machinery:
     ) -> Iterator[LocalSolve]:
         """The same with the demands of each start, where the objective has some."""
         bounds = setting.bounds if bounds is None else bounds
-        objective, holding = self.objective, setting.holding
+        numbers, beside = self.given(setting, q, demands)
+        for start, wanted, more in zip(q, numbers, beside, strict=True):
+            if np.all(np.isfinite(more)):
+                given = Given(setting.cell.parameters, wanted, more)
+                yield self.program.solve(start, [given], *bounds)
+            else:
+                yield LocalSolve(start, False, "Singular_Start", {})
+
+    def demands(self, setting: Setting, q: Array) -> list[tuple[Demand, ...]]:
+        """What counts of an objective's demands at postures, (count, N)."""
+        objective, holding = setting.objective, setting.holding
+        assert isinstance(objective, LimitsMeasure)
+        assert self.capacity is not None and holding is not None
+        return objective.nearest(self.capacity, setting.cell, holding, self.split(q))
+
+    def tightened(
+        self, setting: Setting, q: Array, demands: Sequence[Demand]
+    ) -> tuple[Demand, ...] | None:
+        """See `LimitsMeasure.tightened`, at a posture, (1, N)."""
+        objective, holding = setting.objective, setting.holding
+        assert isinstance(objective, LimitsMeasure)
+        assert self.capacity is not None and holding is not None
+        return objective.tightened(self.capacity, setting.cell, holding, self.split(q), demands)
+
+    def given(
+        self, setting: Setting, q: Array, demands: Sequence[Sequence[Demand]] | None
+    ) -> tuple[list[Array], Array]:
+        """Numbers of programs that start at postures, (count, N), and where what they have beside
+        the joints starts, (count, v); not finite where that cannot be said.
+        """
+        objective, holding = setting.objective, setting.holding
         numbers, beside = [setting.numbers] * len(q), [np.zeros((len(q), 0))]
         if self.capacity is not None and holding is not None:
             parts = self.split(q)
@@ -339,12 +398,11 @@ class Machinery:
             if self.static:
                 dynamics = self.capacity.dynamics(holding, parts)
                 beside.append(dynamics.resting(holding.hold))
-        for start, given, more in zip(q, numbers, np.hstack(beside), strict=True):
-            if np.all(np.isfinite(more)):
-                place = setting.cell.parameters
-                yield self.program.solve(start, place, given, *bounds, more)
-            else:
-                yield LocalSolve(start, False, "Singular_Start", {})
+        return numbers, np.hstack(beside)
+
+    def measure(self, setting: Setting, joints: Sequence[Array]) -> Measurement:
+        """A posture as it is reported, by arm (n_i,)."""
+        return self.meter.toward(setting.objective).measure(setting.cell, joints)
 
     def measures(self, setting: Setting, q: Sequence[Array]) -> Measures:
         """What postures are worth, by arm (count, n_i)."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -19,7 +21,7 @@ from copose.planning.limits_measures import LimitsMeasure
 from copose.planning.objectives import EllipsoidMeasure, Objective
 from copose.planning.parts import Parts, ellipsoid_of, sliced
 from copose.poses import Array
-from copose.results import ArmRecord, EllipsoidRecord, Posture, matrix, place, vector
+from copose.results import ArmRecord, EllipsoidRecord, Posture, frame, matrix, place, vector
 
 # Below this ratio of singular values a Jacobian counts as rank-deficient: nothing that a
 # pseudoinverse says of such a direction would be known to a single digit.
@@ -84,7 +86,7 @@ class Meter:
         self.objective = objective_of(cell) if objective is None else objective
         self._capacity = capacity
         system = cell.system
-        place = system.object.parameters
+        place = system.parameters
         self._arms = [
             Parts(
                 arm.q,
@@ -112,6 +114,15 @@ class Meter:
         if isinstance(measure, EllipsoidMeasure) and measure.form is not cell.resolution:
             factor = measure.form.factor(system, measure.scales)
             self._form = Parts(system.q, place, [factor])
+
+    def toward(self, objective: Objective) -> Meter:
+        """The same for another objective of the same kind."""
+        if objective is self.objective:
+            return self
+        other = copy(self)
+        other.objective = objective
+        other.__dict__.pop("_allowance", None)
+        return other
 
     @cached_property
     def _allowance(self) -> Allowance | None:
@@ -175,9 +186,16 @@ class Meter:
         ellipsoid = ellipsoids[cell.resolution.name]
         allowed = self._allowed(cell, joints, everything)
         notes += allowed.notes
+        planar = cell.problem.space.planar
+        keys: dict[str, Any] = {
+            what: {
+                arm.name: frame(getattr(arm, what), planar) for arm in cell.arms if what in arm.free
+            }
+            for what in ("base", "grasp")
+        }
         posture = Posture(
             joints={arm.name: vector(q) for arm, q in zip(cell.arms, joints, strict=True)},
-            object=place(pose, cell.problem.space.planar),
+            object=place(pose, planar),
             closure_error=errors,
             ellipsoid=EllipsoidRecord.of(ellipsoid),
             log_volumes={
@@ -185,6 +203,7 @@ class Meter:
                 for name, each in ellipsoids.items()
             },
             arms=records,
+            **{key: value for key, value in keys.items() if value},
             **allowed.keys,
         )
         value = allowed.value

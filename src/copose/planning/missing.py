@@ -56,10 +56,17 @@ def nearest_miss(cell: Cell, i: int, sample: ArmSample) -> Miss:
     system, name = cell.system, cell.arms[i].name
     gap, turn = system.pose_error(i)
     gap = gap[[row for row in system.space.rows if row < 3]]
-    inputs = [system.arms[i].q, system.object.parameters]
+    inputs = [system.arms[i].q, system.parameters]
     position = _function(inputs, gap)
     full = _function(inputs, system.closure(i))
     pose_error = ca.Function("pose_error", inputs, [gap, turn])
+
+    if cell.arms[i].fixed:
+        q = sample.missed[0]
+        distance = float(np.linalg.norm(np.array(pose_error(q, cell.parameters)[0])))
+        angle = _degrees(np.array(pose_error(q, cell.parameters)[1]))
+        turned = f" and {angle:.4g}°" if system.space.rigid else ""
+        return Miss(q, f"arm {name!r} is fixed and misses its grasp by {distance:.4g} m{turned}")
 
     def nearest(function: ca.Function) -> Array:
         def residual(q: Array) -> Array:
@@ -95,12 +102,17 @@ def nearest_miss(cell: Cell, i: int, sample: ArmSample) -> Miss:
         )
     q = nearest(full)
     gap_there, turn_there = (np.array(x).ravel() for x in pose_error(q, cell.parameters))
-    angle = 2 * math.atan2(float(np.linalg.norm(turn_there[1:])), abs(float(turn_there[0])))
     return Miss(
         q,
         f"arm {name!r} reaches the place of its grasp but not in its orientation: between the two "
-        f"it misses by {float(np.linalg.norm(gap_there)):.4g} m and {math.degrees(angle):.4g}°",
+        f"it misses by {float(np.linalg.norm(gap_there)):.4g} m and {_degrees(turn_there):.4g}°",
     )
+
+
+def _degrees(turn: Array) -> float:
+    """The angle of a quaternion."""
+    turn = turn.ravel()
+    return math.degrees(2 * math.atan2(float(np.linalg.norm(turn[1:])), abs(float(turn[0]))))
 
 
 def _function(inputs: list[ca.SX], residual: ca.SX) -> ca.Function:

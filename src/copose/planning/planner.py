@@ -14,8 +14,11 @@ from copose.errors import InputError, nearest
 from copose.planning.cell import Cell
 from copose.planning.climbing import Progress
 from copose.planning.closing import CLOSED, project
+from copose.planning.freedom import Freedom
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.measuring import Measures
+from copose.planning.placed_answer import PlacedRun
+from copose.planning.placing import Placed
 from copose.planning.running import EffortName, Run
 from copose.poses import Array
 from copose.problem import Problem
@@ -116,16 +119,22 @@ class Planner:
             began=began,
             progress=progress if progress is not None else _silent,
         )
+        free = len(Freedom.of(self.problem)) > 0 or bool(self.problem.cases)
+        placed = PlacedRun(run) if free else None
         if warm is not None:
             if verify:
                 raise InputError(
                     "searches everything; from a warm posture one local optimum is sought",
                     key="verify",
                 )
-            solution = run.follow(setting.cell.given(_posture(warm)))
+            solution = (
+                run.follow(setting.cell.given(_posture(warm)))
+                if placed is None
+                else placed.follow(_placed(setting.cell, warm))
+            )
             if solution is not None:
                 return solution
-        return run.search(effort, verify)
+        return run.search(effort, verify) if placed is None else placed.search(effort, verify)
 
     def polish(
         self,
@@ -242,6 +251,28 @@ def solve(
 
 def _silent(what: str, done: float) -> None:
     """No one asked to be told."""
+
+
+def _placed(cell: Cell, warm: Solution | Mapping[str, Sequence[float]]) -> Placed:
+    """Where a result, or a posture at the file's pose, has everything that is free."""
+    cases, freedom = cell.cases, Freedom.of(cell.problem)
+    xs = [freedom.nominal] * len(cases)
+    joints: list[Mapping[str, Sequence[float]]] = []
+    if not isinstance(warm, Solution):
+        joints = [warm] * len(cases)
+    else:
+        postures = warm.cases if warm.cases is not None else (warm.after,)
+        if any(posture is None for posture in postures) or len(postures) != len(cases):
+            raise InputError("has no posture: its after is null", key="warm")
+        joints = [posture.joints for posture in postures if posture is not None]
+        offsets = {record.name: record.after for record in warm.freedom}
+        for k, name in enumerate(freedom.names(cell.problem)):
+            for j, case in enumerate(cell.problem.cases or [None]):
+                value = offsets.get(name, offsets.get(f"{case.name}: {name}" if case else name))
+                if value is not None:
+                    xs[j] = np.where(np.arange(len(freedom)) == k, value, xs[j])
+    q = [np.concatenate(cell.given(each)) for each in joints]
+    return Placed(tuple(xs), tuple(q), -np.inf)
 
 
 def _posture(warm: Solution | Mapping[str, Sequence[float]]) -> Mapping[str, Sequence[float]]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from copose.capability import symmetric
 from copose.capability.contact_limits import WrenchBounds
 from copose.planning.cell import Cell
 from copose.planning.constraints import Constraint, closure_constraints, equality
@@ -15,6 +17,7 @@ from copose.planning.hessian import differenced_hessian
 from copose.planning.limits_measures import LimitsMeasure
 from copose.planning.limits_program import holding_addition, limits_addition
 from copose.planning.objectives import EllipsoidMeasure, Objective
+from copose.planning.places import Places
 from copose.poses import Array
 
 _IPOPT: dict[str, Any] = {
@@ -46,7 +49,7 @@ class LocalSolve:
     """How one run of IPOPT ended.
 
     Attributes:
-        q: joint positions of all arms, stacked, (N,).
+        q: joint positions of all arms, stacked, (N,); where more is free, that after the joints.
         converged: whether IPOPT met its tolerance.
         status: in IPOPT's words.
         violations: the largest violation of each constraint, by name.
@@ -60,39 +63,72 @@ class LocalSolve:
     optimality: float = np.inf
 
 
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """maximise value(q, beside; parameters, numbers) subject to constraints."""
+
+    q: ca.SX
+    beside: ca.SX
+    parameters: ca.SX
+    numbers: ca.SX
+    value: ca.SX
+    constraints: tuple[Constraint, ...]
+
+    @property
+    def stacked(self) -> ca.SX:
+        """Expressions of all constraints."""
+        return ca.vertcat(*(c.expression for c in self.constraints))
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What a task is solved for.
+
+    Attributes:
+        place: `Cell.parameters`, or `Freedom.numbers` where more than joints is free.
+        numbers: of the objective, and what else the program takes.
+        beside: where the variables that torque limits add start.
+        weight: of a case.
+    """
+
+    place: Array
+    numbers: Array
+    beside: Array = field(default_factory=lambda: np.zeros(0))
+    weight: float = 1.0
+
+
 class _Solver:
     """IPOPT on: minimise −value subject to constraints and bounds on the joints."""
 
     def __init__(
-        self,
-        variables: tuple[ca.SX, ca.SX],
-        parameters: ca.SX,
-        value: ca.SX,
-        constraints: tuple[Constraint, ...],
-        *,
-        exact_hessian: bool = False,
+        self, task: _Task, places: Places | None = None, *, exact_hessian: bool = False
     ) -> None:
-        """Build the solver; ``variables`` are the joints and what is free beside them."""
-        edges = np.cumsum([0] + [c.expression.numel() for c in constraints])
+        """Build the solver of a task, or of one for each of the cases of ``places``."""
+        if places is None:
+            moving, beside, given = task.q, task.beside, ca.vertcat(task.parameters, task.numbers)
+            value, g = task.value, task.stacked
+            suffixes = [""]
+        else:
+            moving, beside, given, value, g = _laid_out(task, places)
+            suffixes = places.suffixes
+        constraints = [(c, c.name + suffix) for suffix in suffixes for c in task.constraints]
+        edges = np.cumsum([0] + [c.expression.numel() for c, _ in constraints])
         self.rows = {
-            c.name: slice(int(start), int(stop))
-            for c, start, stop in zip(constraints, edges[:-1], edges[1:], strict=True)
+            name: slice(int(start), int(stop))
+            for (_, name), start, stop in zip(constraints, edges[:-1], edges[1:], strict=True)
         }
         self.expressions: dict[str, ca.SX] = {
-            "x": ca.vertcat(*variables),
-            "p": parameters,
-            "f": -value,
-            "g": ca.vertcat(*(c.expression for c in constraints)),
-        }
-        self._lower = np.concatenate([c.lower for c in constraints])
-        self._upper = np.concatenate([c.upper for c in constraints])
-        self._free = np.full(variables[1].numel(), np.inf)
+            "x": ca.vertcat(moving, beside), "p": given, "f": -value, "g": g,
+        }  # fmt: skip
+        self._lower = np.concatenate([c.lower for c, _ in constraints])
+        self._upper = np.concatenate([c.upper for c, _ in constraints])
+        self._free = np.full(beside.numel(), np.inf)
         options = dict(_IPOPT)
         if exact_hessian:
             # Starts keep torque limits already.
             options["ipopt.mu_init"] = 1e-2
         else:
-            options["hess_lag"] = differenced_hessian(self.expressions, variables[0].numel())
+            options["hess_lag"] = differenced_hessian(self.expressions, moving.numel())
         self._solver = ca.nlpsol("posture", "ipopt", self.expressions, options)
 
     def run(
@@ -113,9 +149,41 @@ class _Solver:
             q=np.clip(np.array(answer["x"]).ravel()[: len(start)], lower, upper),
             converged=stats["return_status"] == "Solve_Succeeded",
             status=str(stats["return_status"]),
-            violations={name: float(excess[rows].max()) for name, rows in self.rows.items()},
+            violations={
+                name: float(excess[rows].max(initial=0.0)) for name, rows in self.rows.items()
+            },
             optimality=stats["iterations"]["inf_du"][-1] if "iterations" in stats else np.inf,
         )
+
+
+def _laid_out(task: _Task, places: Places) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Joints with what is free, what else is variable, parameters, value and constraints."""
+    count = len(places.cases)
+    one = ca.Function(
+        "task",
+        [task.q, task.beside, task.parameters, task.numbers],
+        [task.value, task.stacked],
+    )
+    joints = [ca.SX.sym(f"q_{k}", task.q.numel()) for k in range(count)]
+    beside = [ca.SX.sym(f"beside_{k}", task.beside.numel()) for k in range(count)]
+    free = ca.SX.sym("free", places.size)
+    given = [ca.SX.sym(f"places_{k}", places.count) for k in range(count)]
+    numbers = [ca.SX.sym(f"numbers_{k}", task.numbers.numel()) for k in range(count)]
+    weights = ca.SX.sym("weights", count)
+    total, g = ca.SX(0), []
+    for k in range(count):
+        place = places.moved(places.own(free, k), given[k])
+        value, rows = one(joints[k], beside[k], place, numbers[k])
+        total += weights[k] * value
+        g.append(rows)
+    parameters = [part for pair in zip(given, numbers, strict=True) for part in pair]
+    return (
+        ca.vertcat(*joints, free),
+        ca.vertcat(*beside),
+        ca.vertcat(*parameters, weights),
+        total,
+        ca.vertcat(*g),
+    )
 
 
 class PostureProgram:
@@ -138,6 +206,7 @@ class PostureProgram:
         objective: Objective,
         numbers: int,
         bounds: WrenchBounds | None = None,
+        places: Places | None = None,
     ) -> None:
         """Build the program of a cell.
 
@@ -146,47 +215,51 @@ class PostureProgram:
             objective: what is maximised.
             numbers: how many parameters it has.
             bounds: on contact wrenches, where torque limits matter.
+            places: where more than joints is free.
         """
-        self.objective = objective
+        self.objective, self._places = objective, places
         system = cell.system
         symbols = ca.SX.sym("numbers", numbers)
-        parameters = ca.vertcat(system.object.parameters, symbols)
-        constraints = closure_constraints(system)
+        given = symbols
+        constraints = closure_constraints(system, None if places is None else places.pinned)
         beside: list[ca.SX] = []
         if cell.problem.constraints.static_torque:
             assert bounds is not None and cell.torque_limits is not None
             hold = holding_addition(system, cell.torque_limits, bounds)
             beside, constraints = [hold.variables], (*constraints, *hold.constraints)
+
+        def task(extra: ca.SX, value: ca.SX, constraints: tuple[Constraint, ...]) -> _Task:
+            variables = ca.vertcat(*beside, extra)
+            return _Task(system.q, variables, system.parameters, given, value, constraints)
+
         self._gram: ca.Function | None = None
         self._smooth = None
-        extra = ca.SX(0, 1)
         if isinstance(objective, EllipsoidMeasure):
             axes = list(cell.problem.axes)
             gram = objective.form.system_gram(system, objective.scales)[axes, axes]
             formulation = objective.formulate(gram, symbols)
-            self._gram = ca.Function("gram", [system.q, system.object.parameters], [gram])
+            self._gram = ca.Function("gram", [system.q, system.parameters], [gram])
             if formulation.smooth is not None:
-                smoothed = ca.vertcat(*beside)
-                self._smooth = _Solver(
-                    (system.q, smoothed), parameters, formulation.smooth, constraints
-                )
-            value, extra = formulation.value, formulation.extra
+                stand_in = task(ca.SX(0, 1), formulation.smooth, constraints)
+                self._smooth = _Solver(stand_in, places)
             if formulation.zero.numel():
                 constraints += (equality("bounds on the semi-axes", formulation.zero, "1"),)
+            whole = task(formulation.extra, formulation.value, constraints)
         else:
             assert isinstance(objective, LimitsMeasure) and bounds is not None
-            addition = limits_addition(system, objective, symbols, bounds)
+            turned = None
+            if places is not None:
+                # Demands are told for the inertia, in world axes, of where a solve starts.
+                m = system.space.m
+                inertia = ca.SX.sym("inertia", m * (m + 1) // 2)
+                given = ca.vertcat(symbols, inertia)
+                turned = system.object.M_o - symmetric(inertia, m)
+            addition = limits_addition(system, objective, symbols, bounds, turned)
             assert addition.value is not None
-            value, constraints = addition.value, (*constraints, *addition.constraints)
             beside = [addition.variables, *beside]
-        self.constraints = constraints
-        self._exact = _Solver(
-            (system.q, ca.vertcat(*beside, extra)),
-            parameters,
-            value,
-            constraints,
-            exact_hessian=isinstance(objective, LimitsMeasure),
-        )
+            whole = task(ca.SX(0, 1), addition.value, (*constraints, *addition.constraints))
+        self.constraints = whole.constraints
+        self._exact = _Solver(whole, places, exact_hessian=isinstance(objective, LimitsMeasure))
         self.rows, self.expressions = self._exact.rows, self._exact.expressions
 
     def gram_at(self, q: Array, parameters: Array) -> Array:
@@ -194,15 +267,7 @@ class PostureProgram:
         assert self._gram is not None
         return np.array(self._gram(q, parameters))
 
-    def solve(
-        self,
-        start: Array,
-        parameters: Array,
-        numbers: Array,
-        lower: Array,
-        upper: Array,
-        beside: Array | None = None,
-    ) -> LocalSolve:
+    def solve(self, start: Array, given: Sequence[Given], lower: Array, upper: Array) -> LocalSolve:
         """One local solve.
 
         Where the objective has kinks its smooth stand-in is solved first, and the program itself
@@ -210,17 +275,20 @@ class PostureProgram:
         is smooth and fails is tried once more from a little beside.
 
         Args:
-            start: joint positions to start from, (N,).
-            parameters: of the object, see `object_parameters`.
-            numbers: of the objective.
-            lower: joint limits with margin, −inf where none, (N,).
+            start: joint positions to start from, (N,); where more is free, of all cases and then
+                the free coordinates, see `Places`.
+            given: what each case is solved for.
+            lower: joint limits with margin, −inf where none, (N,), and of what else is free.
             upper: alike.
-            beside: where the variables that torque limits add start.
         """
-        numbers = np.concatenate([parameters, numbers])
-        more = np.zeros(0) if beside is None else beside
-        if self._gram is not None and not np.all(np.isfinite(self.gram_at(start, parameters))):
+        numbers = np.concatenate([part for each in given for part in (each.place, each.numbers)])
+        if self._places is not None:
+            numbers = np.concatenate([numbers, [each.weight for each in given]])
+        if self._gram is not None and not all(
+            np.all(np.isfinite(gram)) for gram in self._grams(start, given)
+        ):
             return _not_started(start)
+        more = np.concatenate([each.beside for each in given])
         first = self._exact if self._smooth is None else self._smooth
         near = first.run(start, more, numbers, lower, upper)
         if not near.converged:
@@ -228,24 +296,37 @@ class PostureProgram:
             near = first.run(start + nudge, more, numbers, lower, upper)
         if self._smooth is None or not isinstance(self.objective, EllipsoidMeasure):
             return near
-        if near.converged and self._at_ceiling(self.objective, near.q, parameters):
+        measure = self.objective
+        if near.converged and self._at_ceiling(measure, self._grams(near.q, given)):
             return near
         attempts = [(near.q, _FIRST_SLACK), *((start, slack) for slack in _WIDER_SLACKS)]
         end = near
         for q, slack in attempts:
-            gram = self.gram_at(q, parameters)
-            if not np.all(np.isfinite(gram)) or np.linalg.cond(gram) > 1e13:
+            grams = self._grams(q, given)
+            if any(not np.all(np.isfinite(G)) or np.linalg.cond(G) > 1e13 for G in grams):
                 end = _not_started(q)
                 continue
-            extra = np.concatenate([more, self.objective.extra_start(gram, slack)])
-            end = self._exact.run(q, extra, numbers, lower, upper)
+            extra = [
+                part
+                for each, gram in zip(given, grams, strict=True)
+                for part in (each.beside, measure.extra_start(gram, slack))
+            ]
+            end = self._exact.run(q, np.concatenate(extra), numbers, lower, upper)
             if end.converged:
                 break
         return end
 
-    def _at_ceiling(self, objective: EllipsoidMeasure, q: Array, parameters: Array) -> bool:
-        value = objective.of_grams(self.gram_at(q, parameters)[None])[0]
-        return bool(value >= objective.ceiling - 1e-9)
+    def _grams(self, start: Array, given: Sequence[Given]) -> list[Array]:
+        """G of every case."""
+        if self._places is None:
+            return [self.gram_at(start, given[0].place)]
+        return [
+            self.gram_at(q, place)
+            for q, place in self._places.taken(start, [each.place for each in given])
+        ]
+
+    def _at_ceiling(self, objective: EllipsoidMeasure, grams: Sequence[Array]) -> bool:
+        return all(objective.of_grams(gram[None])[0] >= objective.ceiling - 1e-9 for gram in grams)
 
 
 def _not_started(q: Array) -> LocalSolve:

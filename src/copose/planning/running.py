@@ -81,12 +81,12 @@ class Run:
                 objective,
                 status="infeasible",
                 reason=reason,
-                miss=self.machinery.meter.measure(cell, joints),
+                miss=self.machinery.measure(self.setting, joints),
                 search=self._record(found, self.seed, effort, None),
                 timing=self.timing,
             )
-        before, notes = self._before(found)
-        found, beyond = self._within_limits(found)
+        before, notes = self.before(found)
+        found, beyond = self.within_limits(found)
         if beyond is not None:
             return answer(
                 cell,
@@ -125,12 +125,12 @@ class Run:
 
     def follow(self, joints: Sequence[Array]) -> Solution | None:
         """The local optimum that a posture leads to; None where it cannot be closed."""
-        closed = [self._closed(i, q) for i, q in enumerate(joints)]
+        closed = [self.closed(i, q) for i, q in enumerate(joints)]
         q = [mine for mine in closed if mine is not None]
         if len(q) < len(closed):
             return None
         found = local_search(self.machinery, self.setting, np.concatenate(q), self.progress)
-        before = self.machinery.meter.measure(self.cell, q)
+        before = self.machinery.measure(self.setting, q)
         after, value = self._best(found, before)
         if after is None:
             return None
@@ -144,7 +144,7 @@ class Run:
             timing=self.timing,
         )
 
-    def _closed(self, i: int, q: Array, *, as_given: bool = False) -> Array | None:
+    def closed(self, i: int, q: Array, *, as_given: bool = False) -> Array | None:
         """Joints of arm i as they are where they hold the object, else projected, or None.
 
         Args:
@@ -169,13 +169,13 @@ class Run:
         closed = np.flatnonzero(gaps <= CLOSED)
         return np.asarray(ends[closed[0]]) if len(closed) else None
 
-    def _before(self, found: Found) -> tuple[Measurement, tuple[str, ...]]:
+    def before(self, found: Found) -> tuple[Measurement, tuple[str, ...]]:
         """The start of the file, closed, or the first closed posture that the seed gives."""
         joints, notes = [], []
         for i, (arm, sample) in enumerate(zip(self.cell.arms, found.samples, strict=True)):
             q = sample.closed[0]
             if arm.start is not None:
-                q = self._closed(i, arm.start, as_given=True)
+                q = self.closed(i, arm.start, as_given=True)
             if q is None:
                 q = sample.closed[0]
                 notes.append(
@@ -183,7 +183,7 @@ class Run:
                     "first closed posture of the seed stands in for it"
                 )
             joints.append(q)
-        measured = self.machinery.meter.measure(self.cell, joints)
+        measured = self.machinery.measure(self.setting, joints)
         return measured, (*notes, *margin_notes(self.cell, joints))
 
     def _best(
@@ -192,25 +192,25 @@ class Run:
         """The best optimum that passes its own check, or the start where none is better."""
         cell, best = self.cell, None
         for optimum in found.optima:
-            joints = [self._closed(i, q) for i, q in enumerate(cell.system.split(optimum.q))]
+            joints = [self.closed(i, q) for i, q in enumerate(cell.system.split(optimum.q))]
             if any(q is None for q in joints):
                 continue
-            measured = self.machinery.meter.measure(cell, [q for q in joints if q is not None])
+            measured = self.machinery.measure(self.setting, [q for q in joints if q is not None])
             if (
                 measured.value is not None
                 and max(measured.posture.closure_error.values()) <= CLOSURE_TOLERANCE
                 and abs(measured.value - optimum.objective) <= 1e-6 * max(1.0, abs(measured.value))
-                and self._held(measured)
+                and self.held(measured)
             ):
                 best = measured
                 break
         if best is not None and best.value is not None and before is not None:
-            start = before.value if self._allowed(before) else None
+            start = before.value if self.allowed(before) else None
             if start is not None and start > best.value:
                 best = before
         return best, None if best is None else best.value
 
-    def _within_limits(self, found: Found) -> tuple[Found, str | None]:
+    def within_limits(self, found: Found) -> tuple[Found, str | None]:
         """A search, or why torque limits allow no posture of all that were compared.
 
         Where few postures hold the object a sample may have none: those that hold the most tell.
@@ -230,16 +230,17 @@ class Run:
             "leave no such motion of the object, all its other accelerations zero"
         )
 
-    def _held(self, measured: Measurement) -> bool:
+    def held(self, measured: Measurement) -> bool:
         """Whether the object is held at rest, where it must be."""
         if not self.machinery.static:
             return True
         shares = measured.posture.static_torque
         return shares is not None and max(map(max, shares.values())) <= 1 + HELD
 
-    def _allowed(self, measured: Measurement) -> bool:
+    def allowed(self, measured: Measurement) -> bool:
+        """Whether a posture keeps limits and margins, and holds the object where it must."""
         joints = measured.posture.joints
-        return self._held(measured) and all(
+        return self.held(measured) and all(
             np.all((np.array(joints[arm.name]) >= low) & (np.array(joints[arm.name]) <= high))
             for arm, low, high in zip(self.cell.arms, self.cell.lower, self.cell.upper, strict=True)
         )

@@ -13,7 +13,7 @@ from copose.planning.judging import judged
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.program import LocalSolve
 from copose.planning.screening import Screened, screen
-from copose.planning.self_motion import ArmSample, ArmSampler
+from copose.planning.self_motion import ArmSample, ArmSampler, held_sample
 from copose.poses import Array, Indices
 
 _APART = 0.3
@@ -43,6 +43,7 @@ class Effort:
         rounds: of combining anew what was polished, at most.
         blind: combinations drawn at random that are polished where an arm has more than one degree
             of freedom to spare, for a sample tells little about what is near it there.
+        insistence: random postures of an arm that are drawn before it is said to miss its grasp.
     """
 
     batch: int
@@ -53,6 +54,7 @@ class Effort:
     polished: int
     rounds: int
     blind: int
+    insistence: int = 4096
 
     def doubled(self) -> Effort:
         """Twice as much of everything but for the size of a batch."""
@@ -127,9 +129,12 @@ def search(
     for i, kernels in enumerate(machinery.arms):
         progress(f"closing arm {cell.arms[i].name}", 0.5 * i / K)
         most = effort.loops if kernels.n - kernels.m <= 1 else effort.surfaces
+        if cell.arms[i].fixed:
+            samples.append(held_sample(cell, kernels, i, setting.placement.goals[i]))
+            continue
         sampler = ArmSampler(cell, kernels, i, setting.placement.goals[i])
         rng = np.random.default_rng([seed, i])
-        samples.append(sampler.sample(rng, effort.batch, effort.batches, most))
+        samples.append(sampler.sample(rng, effort.batch, effort.batches, most, effort.insistence))
     if any(len(sample.closed) == 0 for sample in samples):
         return Found(tuple(samples))
     progress("comparing postures", 0.5)
@@ -144,7 +149,7 @@ def search(
         most *= _UNLIKE
     screened = judged(machinery, setting, postures, near, screened, most)
     starts, scores = _distinct(cell, postures, screened, most)
-    polished = Climbs(machinery, setting, progress)
+    polished = Climbs(machinery, setting, progress, effort.polished)
     polished.add_promising(starts, scores)
     if spare > K and len(starts) and not machinery.dear:
         counts = [len(mine) for mine in postures]

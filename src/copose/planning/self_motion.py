@@ -23,8 +23,7 @@ _NEIGHBOURS = 3
 # Closed postures of which the first that stays within limits to the last digit is the seed's.
 _TRIED = 8
 _SAME = 1e-6
-# Postures drawn before an arm is said to miss its grasp, and misses kept.
-_INSISTENCE = 4096
+# Misses that are kept.
 _MISSES = 32
 
 
@@ -63,7 +62,9 @@ class ArmSampler:
     i: int
     goal: Array
 
-    def sample(self, rng: np.random.Generator, batch: int, batches: int, most: int) -> ArmSample:
+    def sample(
+        self, rng: np.random.Generator, batch: int, batches: int, most: int, insistence: int
+    ) -> ArmSample:
         """Draw batches of postures until they have met every self-motion, to all appearance.
 
         Args:
@@ -71,6 +72,7 @@ class ArmSampler:
             batch: postures a batch.
             batches: at most.
             most: postures that are kept, at most.
+            insistence: postures drawn before the arm is said to miss its grasp.
         """
         loops = Loops(self.cell, self.kernels, self.i, self.goal)
         simple = self.kernels.n - self.kernels.m <= 1
@@ -97,9 +99,9 @@ class ArmSampler:
             points = points[(np.abs(points - first) > _SAME).any(axis=1)]
         points = np.vstack([first, _thinned(points, most)])
         missed = points[:0]
-        if len(points) == 0:
-            points, missed = self._insist(rng)
-            tried += _INSISTENCE
+        if len(points) == 0 and insistence:
+            points, missed = self._insist(rng, insistence)
+            tried += insistence
         return ArmSample(
             closed=points,
             neighbours=self._neighbours(points),
@@ -134,10 +136,10 @@ class ArmSampler:
         closed[np.delete(rows, once)] = False
         return np.asarray(ends[closed])
 
-    def _insist(self, rng: np.random.Generator) -> tuple[Array, Array]:
+    def _insist(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
         """Postures that close within limits after all, and the nearest of those that do not."""
         lower, upper = self.cell.lower[self.i], self.cell.upper[self.i]
-        drawn = self._draw(rng, _INSISTENCE)
+        drawn = self._draw(rng, count)
         q, gaps = project(self.kernels, drawn, self.goal, lower, upper)
         order = np.argsort(gaps, kind="stable")
         closed = order[gaps[order] < CLOSED]
@@ -152,6 +154,21 @@ class ArmSampler:
         likeness = 2 * places @ places.T - (places**2).sum(axis=1)
         np.fill_diagonal(likeness, -np.inf)
         return np.argpartition(-likeness, k - 1, axis=1)[:, :k]
+
+
+def held_sample(cell: Cell, kernels: ArmKernels, i: int, goal: Array) -> ArmSample:
+    """The one posture of an arm that is held at its start, closed or not."""
+    start = np.asarray(cell.arms[i].start)[None]
+    residual, _ = kernels.residual(start, goal)
+    closed = bool(np.linalg.norm(residual) <= CLOSED)
+    nothing = start[:0]
+    return ArmSample(
+        closed=start if closed else nothing,
+        neighbours=np.zeros((int(closed), 0), dtype=np.intp),
+        tried=1,
+        branches=None,
+        missed=nothing if closed else start,
+    )
 
 
 def _thinned(points: Array, most: int) -> Array:

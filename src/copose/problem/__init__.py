@@ -6,8 +6,16 @@ from copose.problem.aims import (
     TaskCompatibilityObjective,
 )
 from copose.problem.arms import ArmSpec, PlanarArm, UrdfArm
-from copose.problem.objects import PlanarObject, Shape, SpatialObject
-from copose.problem.reading import load, moved, parse, read_text
+from copose.problem.cases import CaseSpec
+from copose.problem.objects import (
+    CapsuleShape,
+    Obstacle,
+    PlanarObject,
+    PlanarObstacle,
+    Shape,
+    SpatialObject,
+)
+from copose.problem.reading import case_problems, displaced, load, moved, parse, read_text
 from copose.problem.spaces import SPACES, Space, SpaceName
 from copose.problem.spec import ConstraintsSpec, PlanarProblem, Problem, SpatialProblem
 
@@ -15,10 +23,14 @@ __all__ = [
     "SPACES",
     "AccelerationObjective",
     "ArmSpec",
+    "CapsuleShape",
+    "CaseSpec",
     "ConstraintsSpec",
+    "Obstacle",
     "PayloadObjective",
     "PlanarArm",
     "PlanarObject",
+    "PlanarObstacle",
     "PlanarProblem",
     "Problem",
     "Shape",
@@ -28,6 +40,8 @@ __all__ = [
     "SpatialProblem",
     "TaskCompatibilityObjective",
     "UrdfArm",
+    "case_problems",
+    "displaced",
     "load",
     "moved",
     "parse",

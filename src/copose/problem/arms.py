@@ -7,6 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from copose.problem.freedom import ArmFreedom, PlanarArmFreedom
 from copose.problem.objects import Grasp, Placement, PlanarGrasp, PlanarPlacement
 from copose.problem.values import (
     Inertia,
@@ -73,6 +74,16 @@ class ArmSpec(Spec):
     position_limits: tuple[Range, ...] | None = None
     armature: tuple[NotNegative, ...] | None = None
     grip: Grip = Grip()
+    fixed: bool = False
+    freedom: ArmFreedom | PlanarArmFreedom = ArmFreedom()
+
+    @model_validator(mode="after")
+    def _held_somewhere(self) -> ArmSpec:
+        if self.fixed and self.start is None:
+            raise PydanticCustomError(
+                "copose", "a fixed arm is held at its start, which is missing; give one"
+            )
+        return self
 
 
 class UrdfArm(ArmSpec):
@@ -84,6 +95,7 @@ class UrdfArm(ArmSpec):
     locked: dict[str, Number] = Field(default_factory=dict)
     base: Placement = Placement()
     grasp: Grasp
+    freedom: ArmFreedom = ArmFreedom()
     tool: Tool | None = None
 
     @model_validator(mode="before")
@@ -102,6 +114,7 @@ class PlanarArm(ArmSpec):
     links: Annotated[tuple[Link, ...], Field(min_length=1, max_length=_MOST_LINKS)]
     base: PlanarPlacement = PlanarPlacement()
     grasp: PlanarGrasp
+    freedom: PlanarArmFreedom = PlanarArmFreedom()
     tool: PlanarTool | None = None
 
     @model_validator(mode="before")

@@ -7,7 +7,8 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field
 
 from copose.poses import Pose
-from copose.problem.values import Inertia, Number, Pair, Positive, Spec, Triple
+from copose.problem.freedom import PlanarFreedom, SpatialFreedom
+from copose.problem.values import Inertia, Name, Number, Pair, Positive, Spec, Triple
 
 
 class Box(Spec):
@@ -32,6 +33,14 @@ class Cylinder(Spec):
     length: Positive
 
 
+class CapsuleShape(Spec):
+    """All points within the radius of a segment along z, whose ends are ``length`` apart."""
+
+    kind: Literal["capsule"]
+    radius: Positive
+    length: Positive
+
+
 class Rectangle(Spec):
     """A planar box by its width and height, m."""
 
@@ -48,6 +57,9 @@ class Disk(Spec):
 
 SpatialShape: TypeAlias = Annotated[Box | Sphere | Cylinder, Field(discriminator="kind")]
 PlanarShape: TypeAlias = Annotated[Rectangle | Disk, Field(discriminator="kind")]
+ObstacleShape: TypeAlias = Annotated[
+    Box | Sphere | Cylinder | CapsuleShape, Field(discriminator="kind")
+]
 Shape: TypeAlias = Box | Sphere | Cylinder | Rectangle | Disk
 
 
@@ -60,6 +72,7 @@ class SpatialObject(Spec):
     rpy: Triple = (0.0, 0.0, 0.0)
     shape: SpatialShape | None = None
     velocity: tuple[Number, ...] | None = None
+    freedom: SpatialFreedom = SpatialFreedom()
 
     @property
     def pose(self) -> Pose:
@@ -76,6 +89,7 @@ class PlanarObject(Spec):
     angle: Number = 0.0
     shape: PlanarShape | None = None
     velocity: tuple[Number, ...] | None = None
+    freedom: PlanarFreedom = PlanarFreedom()
 
     @property
     def pose(self) -> Pose:
@@ -120,4 +134,20 @@ class Grasp(Placement):
 class PlanarGrasp(PlanarPlacement):
     """Placement of the tip frame in the object frame, in the plane."""
 
+    position: Pair
+
+
+class Obstacle(Placement):
+    """``[[obstacles]]``: a body that nothing may touch."""
+
+    name: Name
+    shape: ObstacleShape
+    position: Triple
+
+
+class PlanarObstacle(PlanarPlacement):
+    """``[[obstacles]]`` in the plane."""
+
+    name: Name
+    shape: PlanarShape
     position: Pair

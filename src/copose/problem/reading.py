@@ -11,8 +11,13 @@ import numpy as np
 from pydantic import ValidationError
 
 from copose.errors import InputError
+from copose.problem.aims import (
+    AccelerationObjective,
+    TaskCompatibilityObjective,
+    WeightedDirection,
+)
 from copose.problem.messages import explain
-from copose.problem.objects import Placement, PlanarPlacement
+from copose.problem.objects import Placement, PlanarObject, PlanarPlacement
 from copose.problem.spaces import SPACES
 from copose.problem.spec import PlanarProblem, Problem, SpatialProblem
 
@@ -108,9 +113,54 @@ def moved(problem: Problem, place: Mapping[str, Any]) -> Problem:
         found = explain(error, model, None)
         raise InputError(found.message, key=f"object_pose.{found.key}") from None
     there = thing.model_copy(update={key: getattr(new, key) for key in allowed})
-    elsewhere = problem.model_copy(update={"object": there})
-    elsewhere._source = problem.source
-    return elsewhere
+    return _with(problem, {"object": there})
+
+
+def displaced(problem: Problem, offsets: Mapping[str, float]) -> Problem:
+    """The same problem with its object displaced by x, y, z, m, and roll, pitch, yaw, rad."""
+    if not offsets:
+        return problem
+    thing = problem.object
+    position = [p + offsets.get(name, 0.0) for p, name in zip(thing.position, "xyz", strict=False)]
+    update: dict[str, object] = {"position": tuple(position)}
+    if isinstance(thing, PlanarObject):
+        update["angle"] = thing.angle + offsets.get("yaw", 0.0)
+    else:
+        names = ("roll", "pitch", "yaw")
+        update["rpy"] = tuple(
+            a + offsets.get(name, 0.0) for a, name in zip(thing.rpy, names, strict=True)
+        )
+    return _with(problem, {"object": thing.model_copy(update=update)})
+
+
+def case_problems(problem: Problem) -> tuple[Problem, ...]:
+    """One problem for every case: its pose, its mass with inertia in proportion, its direction."""
+    found = []
+    for case in problem.cases:
+        thing, objective = problem.object, problem.objective
+        given = ("position", "angle" if problem.space.planar else "rpy")
+        update = {key: getattr(case, key) for key in given if getattr(case, key) is not None}
+        if case.mass is not None:
+            update["mass"] = case.mass
+            if thing.inertia is not None:
+                inertia = np.array(thing.inertia) * (case.mass / thing.mass)
+                update["inertia"] = _as_tuples(inertia)
+        if case.direction is not None:
+            asked: dict[str, object] = {"direction": case.direction}
+            if isinstance(objective, TaskCompatibilityObjective):
+                asked = {"directions": (WeightedDirection(direction=case.direction),)}
+            elif isinstance(objective, AccelerationObjective):
+                asked["directions"] = None
+            objective = objective.model_copy(update=asked)
+        update = {"object": thing.model_copy(update=update), "objective": objective}
+        found.append(_with(problem, update))
+    return tuple(found)
+
+
+def _with(problem: Problem, update: Mapping[str, object]) -> Problem:
+    other = problem.model_copy(update=update)
+    other._source = problem.source
+    return other
 
 
 def _check_depth(data: Mapping[str, Any], source: Path | None) -> None:

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Field, PrivateAttr, field_validator, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from copose.errors import shown
@@ -21,11 +28,15 @@ from copose.problem.aims import (
     WorldSpec,
 )
 from copose.problem.arms import ArmSpec, PlanarArm, UrdfArm
-from copose.problem.objects import PlanarObject, SpatialObject
+from copose.problem.cases import Case, CaseSpec, PlanarCase
+from copose.problem.objects import Obstacle, PlanarObject, PlanarObstacle, SpatialObject
 from copose.problem.spaces import SPACES, Space, SpaceName
 from copose.problem.values import FolderName, NotNegative, Positive, Spec, Text, fault, whole
 
-_MOST_ARMS = 32
+_MOST_ARMS, _MOST_OBSTACLES, _MOST_CASES = 32, 200, 16
+
+
+Named: TypeAlias = ArmSpec | Obstacle | PlanarObstacle | CaseSpec
 
 
 class Task(Spec):
@@ -40,6 +51,8 @@ class ConstraintsSpec(Spec):
     joint_margin: NotNegative = 0.0
     static_torque: bool = False
     internal_force: Positive | None = None
+    collision: bool = False
+    clearance: NotNegative = 0.01
 
 
 class SearchSpec(Spec):
@@ -61,6 +74,8 @@ class Problem(Spec):
     objective: ObjectiveSpec = VolumeObjective()
     world: WorldSpec | PlanarWorldSpec = WorldSpec()
     constraints: ConstraintsSpec = ConstraintsSpec()
+    obstacles: tuple[Obstacle, ...] | tuple[PlanarObstacle, ...] = ()
+    cases: tuple[Case, ...] | tuple[PlanarCase, ...] = ()
     search: SearchSpec = SearchSpec()
 
     _source: Path | None = PrivateAttr(None)
@@ -75,16 +90,18 @@ class Problem(Spec):
         """The task space."""
         return SPACES[self.task.space]
 
-    @field_validator("arms", check_fields=False)
+    @field_validator("arms", "obstacles", "cases", check_fields=False)
     @classmethod
-    def _distinct(cls, arms: tuple[ArmSpec, ...]) -> tuple[ArmSpec, ...]:
-        names = [arm.name for arm in arms]
+    def _distinct(cls, named: tuple[Named, ...], info: ValidationInfo) -> tuple[Named, ...]:
+        names = [each.name for each in named]
         for name in names:
             if names.count(name) > 1:
                 raise PydanticCustomError(
-                    "copose", "two arms are called {name}; give each its own", {"name": repr(name)}
+                    "copose",
+                    "two {what} are called {name}; give each its own",
+                    {"name": repr(name), "what": info.field_name},
                 )
-        return arms
+        return named
 
     @property
     def axes(self) -> tuple[int, ...]:
@@ -107,7 +124,21 @@ class Problem(Spec):
             for i, weighted in enumerate(self.objective.directions):
                 self._check_direction(weighted.direction, f"objective.directions[{i}].direction")
         self._check_limits_objective()
+        for i, case in enumerate(self.cases):
+            self._check_case(case, f"cases[{i}]")
         return self
+
+    def _check_case(self, case: CaseSpec, key: str) -> None:
+        if case.direction is None:
+            return
+        kind = self.objective.kind
+        if kind not in ("task-compatibility", "acceleration", "payload"):
+            raise fault(f"{key}.direction", f"objective {kind!r} has no direction")
+        if isinstance(self.objective, PayloadObjective) and self.objective.acceleration is None:
+            raise fault(f"{key}.direction", "needs acceleration in [objective] beside it")
+        if len(getattr(self.objective, "directions", None) or ()) > 1:
+            raise fault(f"{key}.direction", "replaces one direction, but [objective] has several")
+        self._check_direction(case.direction, f"{key}.direction")
 
     def _check_limits_objective(self) -> None:
         objective = self.objective
@@ -191,6 +222,8 @@ class SpatialProblem(Problem):
     object: SpatialObject
     world: WorldSpec = WorldSpec()
     arms: Annotated[tuple[UrdfArm, ...], Field(min_length=1, max_length=_MOST_ARMS)]
+    obstacles: Annotated[tuple[Obstacle, ...], Field(max_length=_MOST_OBSTACLES)] = ()
+    cases: Annotated[tuple[Case, ...], Field(max_length=_MOST_CASES)] = ()
 
 
 class PlanarProblem(Problem):
@@ -199,3 +232,5 @@ class PlanarProblem(Problem):
     object: PlanarObject
     world: PlanarWorldSpec = PlanarWorldSpec()
     arms: Annotated[tuple[PlanarArm, ...], Field(min_length=1, max_length=_MOST_ARMS)]
+    obstacles: Annotated[tuple[PlanarObstacle, ...], Field(max_length=_MOST_OBSTACLES)] = ()
+    cases: Annotated[tuple[PlanarCase, ...], Field(max_length=_MOST_CASES)] = ()

@@ -98,6 +98,7 @@ def _physical_inertia(inertia: Matrix3) -> Matrix3:
     return inertia
 
 
+Interval: TypeAlias = Annotated[tuple[Number, Number], AfterValidator(_range)]
 Name: TypeAlias = Annotated[str, AfterValidator(_name)]
 FolderName: TypeAlias = Annotated[str, AfterValidator(_folder_name)]
 Limit: TypeAlias = Annotated[float, AfterValidator(_limit)]

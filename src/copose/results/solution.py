@@ -9,7 +9,7 @@ from pydantic import model_serializer, model_validator
 from pydantic_core.core_schema import SerializerFunctionWrapHandler
 
 from copose.poses import Pose
-from copose.problem import SPACES, Shape, SpaceName
+from copose.problem import SPACES, Obstacle, PlanarObstacle, Shape, SpaceName
 from copose.results.limits import AccelerationRecord, ExactSetRecord, WrenchRecord
 from copose.results.records import (
     CompanionRecord,
@@ -44,6 +44,27 @@ def place(pose: Pose, planar: bool) -> SpatialPlace | PlanarPlace:
     return SpatialPlace.model_validate(
         {"position": vector(pose.position), "quaternion": vector(pose.quaternion)}
     )
+
+
+class SpatialFrame(Record):
+    """A base in the world or a grasp in the object: position, m, and roll, pitch, yaw, rad."""
+
+    position: tuple[Finite, Finite, Finite]
+    rpy: tuple[Finite, Finite, Finite]
+
+
+def frame(pose: Pose, planar: bool) -> SpatialFrame | PlanarPlace:
+    """A base or a grasp as a problem file states it."""
+    if planar:
+        return PlanarPlace.model_validate(place(pose, planar).model_dump())
+    return SpatialFrame.model_validate({"position": vector(pose.position), "rpy": vector(pose.rpy)})
+
+
+class CollisionRecord(Record):
+    """The smallest distance of what may not touch, m, and between which two it is."""
+
+    distance: Finite
+    pair: tuple[str, str]
 
 
 class ArmRecord(Record):
@@ -82,6 +103,11 @@ class Posture(Record):
         wrenches: of each extreme that is reported, by its name and by arm.
         exact_sets: linear and angular.
         companions: ellipsoids of velocities and forces, by name.
+        base: where bases that may be moved are, by arm.
+        grasp: where tips are in the object frame, of grasps that may be moved.
+        collision: on the original geometry.
+        capsules: around the arms and the object, by what carries them, in the world: two ends and
+            a radius each, (count, 7).
     """
 
     joints: dict[str, Vector]
@@ -97,11 +123,46 @@ class Posture(Record):
     wrenches: dict[str, dict[str, WrenchRecord]] | None = None
     exact_sets: dict[str, ExactSetRecord] | None = None
     companions: dict[str, CompanionRecord] | None = None
+    base: dict[str, SpatialFrame | PlanarPlace] | None = None
+    grasp: dict[str, SpatialFrame | PlanarPlace] | None = None
+    collision: CollisionRecord | None = None
+    capsules: dict[str, Matrix] | None = None
 
     @model_serializer(mode="wrap")
     def _as_asked(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
         return {key: value for key, value in data.items() if key in self.model_fields_set}
+
+
+class CasePosture(Posture):
+    """The posture of one of the file's cases.
+
+    Attributes:
+        name: the case's.
+        weight: how much it counts.
+        objective: its own value.
+    """
+
+    name: str
+    weight: Finite
+    objective: Finite | None
+
+
+class FreeRecord(Record):
+    """Something that may be moved: offsets to the file's, m or rad.
+
+    Attributes:
+        name: ``object.x``, ``right.base.yaw``, …
+        lower: the least; ``upper`` the largest.
+        before: where it is before; null where there is no posture.
+        after: alike.
+    """
+
+    name: str
+    lower: Finite
+    upper: Finite
+    before: Finite | None
+    after: Finite | None
 
 
 class ObjectiveRecord(Record):
@@ -155,6 +216,20 @@ class VerificationRecord(Record):
     stands: bool
 
 
+class PlacementRecord(Record):
+    """What was tried of the free coordinates.
+
+    Attributes:
+        tried: placements, the file's first, at which all postures were searched.
+        closed: of them, at which every arm holds the object.
+        polished: postures from which everything free was polished together.
+    """
+
+    tried: int
+    closed: int
+    polished: int
+
+
 class SearchRecord(Record):
     """The evidence of a search.
 
@@ -169,6 +244,7 @@ class SearchRecord(Record):
         local_optima: where they ended, best first.
         failures: polishes that ended nowhere.
         verification: of the answer, where it was asked for.
+        placements: where more than joints is free; the other counts are then sums over them.
     """
 
     seed: int
@@ -181,6 +257,7 @@ class SearchRecord(Record):
     local_optima: tuple[Optimum, ...]
     failures: tuple[FailureRecord, ...] = ()
     verification: VerificationRecord | None = None
+    placements: PlacementRecord | None = None
 
 
 class Timing(Record):
@@ -201,6 +278,7 @@ class ProblemRecord(Record):
         axes: coordinates that the ellipsoids keep, in the order of their entries.
         resolution: whose ellipsoid is reported as ``ellipsoid``.
         torque_scaling: what the torques are measured in.
+        obstacles: what stands around.
     """
 
     name: str
@@ -209,6 +287,7 @@ class ProblemRecord(Record):
     axes: tuple[str, ...]
     resolution: str
     torque_scaling: str
+    obstacles: tuple[Obstacle | PlanarObstacle, ...] = ()
 
 
 class Solution(Record):
@@ -216,6 +295,9 @@ class Solution(Record):
 
     Attributes:
         unlimited: the revolute joints without limits, which are the same after a whole turn.
+        freedom: what was free beside the joints.
+        cases: in place of ``after``, the postures of the file's cases, in its order; ``before``
+            stands then in ``cases_before``.
     """
 
     format: Literal[1] = 1
@@ -232,13 +314,17 @@ class Solution(Record):
     search: SearchRecord | None
     timing: Timing
     unlimited: dict[str, tuple[str, ...]]
+    freedom: tuple[FreeRecord, ...] = ()
+    cases: tuple[CasePosture, ...] | None = None
+    cases_before: tuple[CasePosture, ...] | None = None
 
     @model_validator(mode="after")
     def _fits_together(self) -> Solution:
         size = len(self.problem.axes)
         if not set(self.problem.axes) <= set(SPACES[self.problem.space].coordinates):
             raise ValueError("problem.axes: not coordinates of the task space")
-        for posture in (self.before, self.after, self.nearest_miss):
+        some = (self.before, self.after, self.nearest_miss)
+        for posture in (*some, *(self.cases or ()), *(self.cases_before or ())):
             if posture is None:
                 continue
             counts = {name: len(joints) for name, joints in posture.joints.items()}
@@ -250,8 +336,9 @@ class Solution(Record):
         return self
 
     @model_serializer(mode="wrap")
-    def _without_empty_miss(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
+    def _without_empty_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
         data: dict[str, object] = handler(self)
-        if data["nearest_miss"] is None:
-            del data["nearest_miss"]
+        for key in ("nearest_miss", "freedom", "cases", "cases_before"):
+            if not data[key]:
+                del data[key]
         return data

@@ -89,6 +89,8 @@ class Arm:
         start: joint positions before, or None.
         locked: movable joints held still, on the chain or carried by it.
         geared: whether the rotors' inertia is known.
+        free: which of ``base`` and ``grasp`` may be moved.
+        fixed: whether it is held at its start.
     """
 
     name: str
@@ -100,6 +102,8 @@ class Arm:
     start: Array | None = None
     locked: tuple[LockedJoint, ...] = ()
     geared: bool = True
+    free: tuple[str, ...] = ()
+    fixed: bool = False
 
     @property
     def n(self) -> int:
@@ -149,6 +153,11 @@ def check_lengths(spec: ArmSpec, names: tuple[str, ...], key: str) -> None:
                 f"has {len(values)} entries; {len(names)} are needed, for {', '.join(names)}",
                 key=f"{key}.{field_name}",
             )
+
+
+def freed(spec: ArmSpec) -> tuple[str, ...]:
+    """Which of an arm's base and grasp its ``freedom`` lets move."""
+    return tuple(what for what in ("base", "grasp") if getattr(spec.freedom, what).ranges)
 
 
 def start_within_limits(spec: ArmSpec, joints: tuple[Joint, ...], key: str) -> Array | None:

@@ -48,6 +48,12 @@ def _load(problem: Problem) -> tuple[Arm, ...]:
                     f"{joint!r}; lock it in both, so that the arms are independent",
                     key=f"{key}.locked",
                 )
+            if robot.same(its_robot) and "base" in (*arm.free, *other.free):
+                raise InputError(
+                    f"arms {other.name!r} and {arm.name!r} are one robot, whose base cannot be "
+                    "moved for one of them; let the object move instead",
+                    key=f"{key}.freedom.base",
+                )
         arms.append(arm)
         robots.append(robot)
     return tuple(arms)

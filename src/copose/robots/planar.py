@@ -6,7 +6,7 @@ import numpy as np
 
 from copose.poses import Pose, frozen_array
 from copose.problem import PlanarArm
-from copose.robots.arm import Arm, Body, Joint, check_lengths, start_within_limits
+from copose.robots.arm import Arm, Body, Joint, check_lengths, freed, start_within_limits
 
 
 def planar_arm(spec: PlanarArm, key: str) -> Arm:
@@ -49,6 +49,8 @@ def planar_arm(spec: PlanarArm, key: str) -> Arm:
         tip=tip,
         grasp=spec.grasp.pose,
         start=start_within_limits(spec, chain, key),
+        free=freed(spec),
+        fixed=spec.fixed,
     )
 
 

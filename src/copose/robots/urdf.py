@@ -15,7 +15,15 @@ import numpy as np
 from copose.errors import InputError, nearest, one_line, shown
 from copose.poses import Array, Pose, frozen_array
 from copose.problem import UrdfArm
-from copose.robots.arm import Arm, Body, Joint, LockedJoint, check_lengths, start_within_limits
+from copose.robots.arm import (
+    Arm,
+    Body,
+    Joint,
+    LockedJoint,
+    check_lengths,
+    freed,
+    start_within_limits,
+)
 from copose.robots.paths import resolve
 from copose.robots.urdf_tree import (
     MOVABLE,
@@ -52,15 +60,18 @@ class RobotOnBase:
     moves: frozenset[str]
     held: dict[str, float]
 
-    def clash(self, other: RobotOnBase) -> str | None:
-        """Why the two arms cannot be parts of one robot that move independently."""
-        same = self.file == other.file and np.allclose(
+    def same(self, other: RobotOnBase) -> bool:
+        """Whether the two arms are parts of one robot: one URDF at one base."""
+        return self.file == other.file and np.allclose(
             np.column_stack([self.origin.rotation, self.origin.position]),
             np.column_stack([other.origin.rotation, other.origin.position]),
             rtol=0,
             atol=1e-9,
         )
-        if not same:
+
+    def clash(self, other: RobotOnBase) -> str | None:
+        """Why the two arms cannot be parts of one robot that move independently."""
+        if not self.same(other):
             return None
         mine, others = self.moves | self.held.keys(), other.moves | other.held.keys()
         for joint in sorted((self.moves & others) | (other.moves & mine)):
@@ -148,6 +159,8 @@ def urdf_arm(spec: UrdfArm, robot: Robot, key: str) -> tuple[Arm, RobotOnBase]:
         start=start_within_limits(spec, joints, key),
         locked=_locked(tree, robot.model, chain, set(names), spec.locked),
         geared=spec.armature is not None,
+        free=freed(spec),
+        fixed=spec.fixed,
     )
     whole = RobotOnBase(
         file=robot.file,
@@ -224,22 +237,30 @@ def _reduced(full: Any, free: frozenset[str], locked: dict[str, float]) -> Any:
     """Pinocchio's model with everything but the free joints locked and lumped."""
     import pinocchio
 
-    position = pinocchio.neutral(full)
-    held = []
+    held = [i for i in range(1, full.njoints) if _joint_name(full, i) not in free]
+    return pinocchio.buildReducedModel(full, held, posture(full, locked))
+
+
+def posture(full: Any, locked: dict[str, float]) -> Array:
+    """Pinocchio's position vector: locked joints at their values, every other joint at 0."""
+    import pinocchio
+
+    position: Array = pinocchio.neutral(full)
     for index in range(1, full.njoints):
-        name = full.names[index].removeprefix(joint_frame(""))
-        if name in free:
-            continue
-        held.append(index)
         joint = full.joints[index]
-        value = locked.get(name, 0.0)
         if joint.nv != 1:
             continue
+        value = locked.get(_joint_name(full, index), 0.0)
         continuous = joint.nq == 2
         position[joint.idx_q : joint.idx_q + joint.nq] = (
             (np.cos(value), np.sin(value)) if continuous else value
         )
-    return pinocchio.buildReducedModel(full, held, position)
+    return position
+
+
+def _joint_name(full: Any, index: int) -> str:
+    name: str = full.names[index]
+    return name.removeprefix(joint_frame(""))
 
 
 def _locked(
@@ -264,12 +285,13 @@ def _locked(
 def _frame(model: Any, link: str) -> Pose:
     import pinocchio
 
-    return _pose(
+    return pose_of(
         model.frames[model.getFrameId(link_frame(link), pinocchio.FrameType.BODY)].placement
     )
 
 
-def _pose(placement: Any) -> Pose:
+def pose_of(placement: Any) -> Pose:
+    """Pinocchio's SE3 as a pose."""
     import pinocchio
 
     x, y, z, w = pinocchio.Quaternion(placement.rotation).normalized().coeffs()
@@ -287,7 +309,7 @@ def _joint(model: Any, index: int, tree_joint: TreeJoint, spec: UrdfArm, key: st
         name=tree_joint.name,
         kind=kind,
         axis=axis,
-        placement=_pose(model.jointPlacements[number]),
+        placement=pose_of(model.jointPlacements[number]),
         body=Body(float(inertia.mass), frozen_array(inertia.lever), frozen_array(inertia.inertia)),
         lower=lower,
         upper=upper,

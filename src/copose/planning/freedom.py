@@ -1,0 +1,179 @@
+"""What may be moved beside the joints, as coordinates of one vector: offsets, m and rad."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from copose.mechanics import System
+from copose.mechanics.held_object import N_PARAMETERS
+from copose.planning.cell import Cell
+from copose.poses import Array, Pose, quaternion_product
+from copose.problem import PlanarObject, Problem, displaced
+
+_ANGLES = ("roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One thing that may be moved.
+
+    Attributes:
+        what: ``object``, ``base`` or ``grasp``.
+        arm: whose base or grasp, None for the object.
+        name: ``x``, ``yaw``, …, as in the file.
+        lower: least offset; ``upper`` the largest.
+    """
+
+    what: str
+    arm: int | None
+    name: str
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, eq=False)
+class Freedom:
+    """The free coordinates x of a problem, (d,): the object's first, then the arms'."""
+
+    coordinates: tuple[Coordinate, ...]
+
+    @classmethod
+    def of(cls, problem: Problem) -> Freedom:
+        """What the tables ``freedom`` of a problem say."""
+        found = [
+            Coordinate("object", None, _spatial(name), *interval)
+            for name, interval in problem.object.freedom.ranges.items()
+        ]
+        for i, arm in enumerate(problem.arms):
+            for what in ("base", "grasp"):
+                found += [
+                    Coordinate(what, i, name, *interval)
+                    for name, interval in getattr(arm.freedom, what).ranges.items()
+                ]
+        return cls(tuple(found))
+
+    def __len__(self) -> int:
+        return len(self.coordinates)
+
+    @cached_property
+    def lower(self) -> Array:
+        """Least offsets, (d,)."""
+        return np.array([c.lower for c in self.coordinates])
+
+    @cached_property
+    def upper(self) -> Array:
+        """Largest offsets, (d,)."""
+        return np.array([c.upper for c in self.coordinates])
+
+    @property
+    def nominal(self) -> Array:
+        """The file's pose clipped into the ranges, (d,)."""
+        return np.clip(np.zeros(len(self)), self.lower, self.upper)
+
+    @property
+    def owned(self) -> Array:
+        """Indices of the object's coordinates, which every case has for itself."""
+        return np.array([k for k, c in enumerate(self.coordinates) if c.arm is None], dtype=int)
+
+    def names(self, problem: Problem) -> tuple[str, ...]:
+        """The coordinates as a result names them: ``object.x``, ``right.base.yaw``."""
+        planar = problem.space.planar
+        return tuple(
+            f"object.{'angle' if planar and c.name == 'yaw' else c.name}"
+            if c.arm is None
+            else f"{problem.arms[c.arm].name}.{c.what}.{c.name}"
+            for c in self.coordinates
+        )
+
+    def at(self, cell: Cell, x: Array) -> Cell:
+        """The cell with everything moved by x, (d,)."""
+        offsets = self._offsets(x)
+        problem = displaced(cell.problem, offsets.get(("object", None), {}))
+        arms = []
+        for i, arm in enumerate(cell.arms):
+            base, grasp = offsets.get(("base", i), {}), offsets.get(("grasp", i), {})
+            arms.append(
+                replace(
+                    arm,
+                    base=_turned(_shifted(arm.base, base), base.get("yaw", 0.0), first=True),
+                    grasp=_turned(_shifted(arm.grasp, grasp), grasp.get("twist", 0.0), first=False),
+                )
+                if base or grasp
+                else arm
+            )
+        return cell.with_places(problem, tuple(arms))
+
+    def _offsets(self, x: Array) -> dict[tuple[str, int | None], dict[str, float]]:
+        offsets: dict[tuple[str, int | None], dict[str, float]] = {}
+        for c, value in zip(self.coordinates, x, strict=True):
+            offsets.setdefault((c.what, c.arm), {})[c.name] = float(value)
+        return offsets
+
+    def numbers(self, cell: Cell) -> Array:
+        """What `parameters` takes for a cell: its own, and its object's roll, pitch and yaw."""
+        thing = cell.problem.object
+        rpy = (0.0, 0.0, thing.angle) if isinstance(thing, PlanarObject) else thing.rpy
+        return np.concatenate([cell.parameters, rpy])
+
+    def parameters(self, system: System, x: ca.SX, numbers: ca.SX) -> ca.SX:
+        """`System.parameters` of the cell whose `numbers` these are, moved by x, (d,)."""
+        where = {(c.what, c.arm, c.name): x[k] for k, c in enumerate(self.coordinates)}
+
+        def offset(what: str, arm: int | None, names: Sequence[str]) -> ca.SX:
+            return ca.vertcat(*(where.get((what, arm, name), ca.SX(0)) for name in names))
+
+        given, rpy = numbers[:-3], numbers[-3:] + offset("object", None, _ANGLES)
+        quaternion = given[3:7]
+        if any(("object", None, name) in where for name in _ANGLES):
+            yaw, pitch, roll = (_about(rpy[k], k) for k in (2, 1, 0))
+            quaternion = _product(_product(yaw, pitch), roll)
+        parts = [given[:3] + offset("object", None, "xyz"), quaternion, given[7:N_PARAMETERS]]
+        first = N_PARAMETERS
+        for what in ("base", "grasp"):
+            for i, arm in enumerate(system.arms):
+                if what not in arm.arm.free:
+                    continue
+                position, turn = given[first : first + 3], given[first + 3 : first + 7]
+                angle = offset(what, i, ["yaw" if what == "base" else "twist"])
+                about = _about(angle, 2)
+                turned = _product(about, turn) if what == "base" else _product(turn, about)
+                parts += [position + offset(what, i, "xyz"), turned]
+                first += 7
+        return ca.vertcat(*parts)
+
+
+def _spatial(name: str) -> str:
+    """In the plane the object's angle is its yaw."""
+    return "yaw" if name == "angle" else name
+
+
+def _about(angle: ca.SX, axis: int) -> ca.SX:
+    """The quaternion of a turn about a coordinate axis."""
+    parts = [ca.cos(angle / 2), ca.SX(0), ca.SX(0), ca.SX(0)]
+    parts[1 + axis] = ca.sin(angle / 2)
+    return ca.vertcat(*parts)
+
+
+def _product(a: ca.SX, b: ca.SX) -> ca.SX:
+    product: ca.SX = ca.vertcat(*quaternion_product(a, b))
+    return product
+
+
+def _shifted(pose: Pose, offset: dict[str, float]) -> Pose:
+    shift = [offset.get(name, 0.0) for name in "xyz"]
+    return Pose.make(pose.position + shift, pose.rotation, pose.quaternion)
+
+
+def _turned(pose: Pose, angle: float, *, first: bool) -> Pose:
+    """A pose turned about z: of the world, where ``first``, else its own; its origin stays."""
+    if angle == 0:
+        return pose
+    turn = Pose.from_rpy(rpy=(0.0, 0.0, angle))
+    here = Pose.make(np.zeros(3), pose.rotation, pose.quaternion)
+    turned = turn @ here if first else here @ turn
+    return Pose.make(pose.position, turned.rotation, turned.quaternion)

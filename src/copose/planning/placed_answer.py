@@ -1,0 +1,214 @@
+"""One answer in the making where more than joints is free, or where there are cases."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from copose.planning.answering import Case, Placing, Status, answer
+from copose.planning.cell import Cell
+from copose.planning.measuring import Measurement
+from copose.planning.missing import misses
+from copose.planning.placing import Placed, Placements, PlacementSearch
+from copose.planning.running import CLOSURE_TOLERANCE, EffortName, Run
+from copose.results import (
+    FailureRecord,
+    Optimum,
+    PlacementRecord,
+    SampleRecord,
+    SearchRecord,
+    Solution,
+    VerificationRecord,
+)
+
+_STANDS = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedRun:
+    """One answer in the making.
+
+    Attributes:
+        run: of the cell as the file has it.
+    """
+
+    run: Run
+
+    def search(self, effort: EffortName, verify: bool) -> Solution:
+        """Search everything."""
+        run = self.run
+        search = PlacementSearch(run.machinery, run.cell, run.seed, effort, run.progress)
+        found = search.run()
+        before, notes = self._before(search, found)
+        after = self._best(search, found, before)
+        verification = None
+        if verify and after is not None:
+            seed = int(np.random.SeedSequence([run.seed, 1]).generate_state(1)[0])
+            again = PlacementSearch(run.machinery, run.cell, seed, "high", run.progress)
+            second = again.run()
+            other = self._best(again, second, before)
+            stands = other is None or other.value <= after.value + _STANDS
+            verification = VerificationRecord(
+                seed=seed, objective=None if other is None else other.value, stands=stands
+            )
+            if not stands and other is not None:
+                after, found = other, second
+                notes += ("the first search missed this posture; the second found it",)
+        return self._answer(search, found, effort, before, after, notes, verification)
+
+    def follow(self, start: Placed) -> Solution | None:
+        """The local optimum that postures of all cases lead to; None where they do not close."""
+        run = self.run
+        search = PlacementSearch(run.machinery, run.cell, run.seed, "low", run.progress)
+        before = self._measured(search, start)
+        if before is None:
+            return None
+        end = search.polish(before.placed)
+        found = Placements((end,), (), (), 0, 0, 1, None, ())
+        after = self._best(search, found, before)
+        if after is None:
+            return None
+        return self._answer(search, found, "local", before, after, (), None)
+
+    def _measured(self, search: PlacementSearch, placed: Placed) -> Placing | None:
+        """A placement as it is reported; None where a chain is open or a number is missing."""
+        cases, joints = [], []
+        for k, (x, q) in enumerate(zip(placed.x, placed.q, strict=True)):
+            one = replace(self.run, setting=search.setting(k, x))
+            closed = [one.closed(i, mine) for i, mine in enumerate(one.cell.system.split(q))]
+            mine = [part for part in closed if part is not None]
+            if len(mine) < len(closed):
+                return None
+            measured = one.machinery.measure(one.setting, mine)
+            error = max(measured.posture.closure_error.values())
+            if measured.value is None or error > CLOSURE_TOLERANCE:
+                return None
+            cases.append(Case(measured, search.weights[k]))
+            joints.append(np.concatenate(mine))
+        return Placing(replace(placed, q=tuple(joints)), tuple(cases))
+
+    def _best(
+        self, search: PlacementSearch, found: Placements, before: Placing | None
+    ) -> Placing | None:
+        """The best optimum that passes its own check, or the start where none is better."""
+        best = None
+        for optimum in found.optima:
+            placing = self._measured(search, optimum)
+            if placing is None:
+                continue
+            off = abs(placing.value - optimum.value)
+            if off <= 1e-6 * max(1.0, abs(optimum.value)) and all(
+                self.run.held(case.measured) for case in placing.cases
+            ):
+                best = placing
+                break
+        if (
+            before is not None
+            and (best is None or before.value > best.value)
+            and all(self.run.allowed(case.measured) for case in before.cases)
+        ):
+            return before
+        return best
+
+    def _before(
+        self, search: PlacementSearch, found: Placements
+    ) -> tuple[Placing | None, tuple[str, ...]]:
+        """At the file's pose, clipped into the ranges, the start or the seed's first posture."""
+        x = search.nominal
+        cases, joints = [], []
+        notes: list[str] = []
+        for k, each in enumerate(found.first):
+            if any(len(sample.closed) == 0 for sample in each.samples):
+                return None, ("at the file's pose no posture closes the chain",)
+            one = replace(self.run, setting=search.setting(k, x))
+            measured, more = one.before(each)
+            notes += more
+            cases.append(Case(measured, search.weights[k]))
+            joints.append(np.concatenate([np.array(q) for q in measured.posture.joints.values()]))
+        placed = Placed((x,) * len(cases), tuple(joints), 0.0)
+        return Placing(placed, tuple(cases)), tuple(dict.fromkeys(notes))
+
+    def _answer(
+        self,
+        search: PlacementSearch,
+        found: Placements,
+        effort: str,
+        before: Placing | None,
+        after: Placing | None,
+        notes: tuple[str, ...],
+        verification: VerificationRecord | None,
+    ) -> Solution:
+        run = self.run
+        value = None if after is None else after.value
+        status: Status = "solved"
+        reason, miss = None, None
+        if after is None:
+            status, reason, miss = self._why(search, found)
+        return answer(
+            run.cell,
+            run.machinery.objective,
+            status=status,
+            reason=reason,
+            notes=notes,
+            before=before,
+            after=after,
+            miss=miss,
+            search=_record(run.cell, found, run.seed, effort, value, verification),
+            timing=run.timing,
+        )
+
+    def _why(
+        self, search: PlacementSearch, found: Placements
+    ) -> tuple[Status, str, Measurement | None]:
+        """Status, reason and the nearest miss of a search that found nothing."""
+        wherever = f"; none of {found.tried} placements within the ranges that are free does better"
+        names = search.case_names
+        for k, each in enumerate(found.first):
+            if any(len(sample.closed) == 0 for sample in each.samples):
+                setting = search.setting(k, search.nominal)
+                joints, reason = misses(setting.cell, each.samples)
+                measured = self.run.machinery.measure(setting, joints)
+                in_case = f"in case {names[k]!r} " if names[k] else ""
+                return "infeasible", in_case + reason + wherever, measured
+        if found.closed == 0:
+            one = replace(self.run, setting=search.setting(0, search.nominal))
+            _, beyond = one.within_limits(found.first[0])
+            if beyond is not None:
+                return "infeasible", beyond + wherever, None
+        ways = [end.status for end in found.failures]
+        return "failed", "no local solve converged: " + ", ".join(sorted({*ways})), None
+
+
+def _record(
+    cell: Cell,
+    found: Placements,
+    seed: int,
+    effort: str,
+    value: float | None,
+    verification: VerificationRecord | None,
+) -> SearchRecord:
+    ways = [end.status for end in found.failures]
+    gap = None if value is None or found.best_sample is None else value - found.best_sample
+    samples = {}
+    for i, arm in enumerate(cell.arms):
+        mine = [each.samples[i] for each in found.searches if len(each.samples) > i]
+        branches = [sample.branches for sample in mine if sample.branches is not None]
+        samples[arm.name] = SampleRecord(
+            tried=sum(sample.tried for sample in mine),
+            closed=sum(len(sample.closed) for sample in mine),
+            branches=sum(branches) if len(branches) == len(mine) and mine else None,
+        )
+    return SearchRecord(
+        seed=seed,
+        effort=effort,
+        samples=samples,
+        combinations=sum(each.combinations for each in found.searches),
+        best_sample=found.best_sample,
+        gap=gap,
+        starts=sum(each.starts for each in found.searches) + found.polished,
+        local_optima=tuple(Optimum(objective=o.value, count=o.count) for o in found.optima),
+        failures=tuple(FailureRecord(status=way, count=ways.count(way)) for way in sorted({*ways})),
+        verification=verification,
+        placements=PlacementRecord(tried=found.tried, closed=found.closed, polished=found.polished),
+    )

@@ -1,0 +1,420 @@
+"""The search where more than joints is free: placements are sampled, then all is polished at once.
+
+At every sample of the free coordinates the postures are searched as if nothing else were free; the
+best of them start the posture program over everything, and where that ends they are searched anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from copose.planning.cell import Cell
+from copose.planning.climbing import SAME_OBJECTIVE, Progress
+from copose.planning.limits_measures import LimitsMeasure
+from copose.planning.machinery import Machinery, Setting
+from copose.planning.program import Given, LocalSolve
+from copose.planning.search import EFFORTS, Effort, Found, search
+from copose.poses import Array
+from copose.robots import finite_range
+
+if TYPE_CHECKING:
+    from copose.capability.torque_limits import Demand
+
+# Placements that are searched with one free coordinate, twice as many with each more, and at most;
+# postures that are polished. So many of them where a search takes many programs.
+_PLACEMENTS = {"low": (8, 32), "normal": (32, 128), "high": (64, 512)}
+_POLISHED = {"low": 12, "normal": 48, "high": 128}
+_DEAR, _GLANCED = 2, 3
+# Where hardly half of them let the arms close, so many times as many are drawn; and where that is
+# of little use, others are looked for. Rounds of searching where polishing ended, with so many
+# placements around it, within such a part of the ranges.
+_INSIST = 3
+_FEW, _ROUNDS, _AROUND, _NEAR = 0.25, 4, 8, 0.1
+_OF_EACH = 2
+# Runs of IPOPT from one start, the first of which wander, and how much nearer the next stays after
+# one that led astray, rad or m.
+_RUNS, _WANDER, _NEARER, _NO_ROOM = 12, 3, 0.3, 1e-6
+_SAME, _LOSS, _CLOSED = 1e-3, 1e-9, 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Postures of all cases, with everything that is free.
+
+    Attributes:
+        x: by case, its free coordinates, (d,); the arms' are the same.
+        q: by case, stacked joints, (N,).
+        value: Σ weight · objective.
+        count: how many starts ended here.
+    """
+
+    x: tuple[Array, ...]
+    q: tuple[Array, ...]
+    value: float
+    count: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Placements:
+    """What a search over placements found.
+
+    Attributes:
+        optima: distinct, best first.
+        first: by case, what was found at the file's pose, clipped into the ranges.
+        searches: all searches of postures.
+        tried: placements.
+        closed: of them, where every arm holds the object in every case.
+        polished: starts of the program over everything.
+        best_sample: the largest value of a placement before anything but its joints was polished.
+        failures: how polishing failed.
+    """
+
+    optima: tuple[Placed, ...]
+    first: tuple[Found, ...]
+    searches: tuple[Found, ...]
+    tried: int
+    closed: int
+    polished: int
+    best_sample: float | None
+    failures: tuple[LocalSolve, ...]
+
+
+class PlacementSearch:
+    """Searches the postures and everything else that is free."""
+
+    def __init__(
+        self, machinery: Machinery, cell: Cell, seed: int, effort: str, progress: Progress
+    ) -> None:
+        """Nothing found yet; a cell of the machinery's, with its object where it is."""
+        self._machinery, self._seed = machinery, seed
+        self._effort, self._progress = effort, progress
+        self._places = machinery.places
+        self._freedom = self._places.freedom
+        self._cases = cell.cases
+        self.weights = [case.weight for case in cell.problem.cases] or [1.0]
+        self._searches: list[Found] = []
+        self._failures: list[LocalSolve] = []
+        self._closed = self._polished = 0
+
+    @property
+    def nominal(self) -> Array:
+        """Where the file has everything, clipped into the ranges, (d,), and held by fixed arms."""
+        x = self._freedom.nominal
+        return next(self._kept(x), x)
+
+    @property
+    def case_names(self) -> tuple[str, ...]:
+        """One without a name where there are none."""
+        return self._places.cases
+
+    def setting(self, k: int, x: Array) -> Setting:
+        """Case k with everything moved by x, (d,)."""
+        return self._machinery.setting(self._freedom.at(self._cases[k], x))
+
+    def run(self) -> Placements:
+        """Search, polish, and search again where that ended."""
+        first, starts = self._at(self.nominal, EFFORTS["normal"])
+        tried = 1
+        for x in self._placements():
+            self._progress("trying placements", min(0.6, 0.6 * tried / (2 * self._most)))
+            starts += self._at(x, self._glance)[1]
+            tried += 1
+        starts.sort(key=lambda start: -start.value)
+        best_sample = starts[0].value if starts else None
+        # What the file's pose gives is polished whatever it is worth.
+        chosen = self._distinct(starts, _POLISHED[self._effort] // self._cost)
+        ends = [self.polish(start) for start in chosen]
+        for _ in range(_ROUNDS if ends else 0):
+            best = max(ends, key=lambda end: end.value)
+            self._progress("polishing placements", 0.8)
+            x = best.x[0]
+            more = self._at(x, EFFORTS["normal"], best.x)[1][: _OF_EACH + 2]
+            tried += 1
+            around = []
+            for near in self._around(x):
+                around += self._at(near, self._glance)[1][:1]
+                tried += 1
+            around.sort(key=lambda start: -start.value)
+            more += around[:_OF_EACH]
+            ends += [self.polish(start) for start in self._unlike(more, ends)]
+            if not max(end.value for end in ends) > best.value + SAME_OBJECTIVE:
+                break
+        return Placements(
+            optima=tuple(self._gathered(ends)),
+            first=first,
+            searches=tuple(self._searches),
+            tried=tried,
+            closed=self._closed,
+            polished=self._polished,
+            best_sample=best_sample,
+            failures=tuple(self._failures),
+        )
+
+    @property
+    def _most(self) -> int:
+        """Placements that are searched."""
+        one, most = _PLACEMENTS[self._effort]
+        return max(8, min(one * 2 ** (len(self._freedom) - 1), most) // self._cost)
+
+    @property
+    def _cost(self) -> int:
+        return 1 if self._machinery.smooth else _DEAR
+
+    @property
+    def _glance(self) -> Effort:
+        """How much is searched at each placement."""
+        polished = EFFORTS["low"].polished if self._machinery.smooth else _GLANCED
+        return replace(EFFORTS["low"], polished=polished, insistence=0)
+
+    def _placements(self) -> Iterator[Array]:
+        """Placements over all ranges; more, where the arms can close, if they hardly ever do."""
+        drawn = self._drawn(_INSIST * self._most, 0)
+        for k, x in enumerate(drawn):
+            if k >= self._most and self._closed > self._most // 2:
+                return
+            yield from self._kept(x)
+        if self._closed > _FEW * self._most:
+            return
+        rng = np.random.default_rng([self._seed, 7])
+        for x in self._drawn(self._most, 1):
+            found = self._reached(x, rng)
+            if found is not None:
+                yield found
+
+    def _drawn(self, count: int, turn: int) -> Array:
+        """Evenly scattered over the ranges, (count, d)."""
+        from scipy.stats import qmc
+
+        rng = np.random.default_rng([self._seed, 8, turn])
+        points = qmc.Sobol(len(self._freedom), seed=rng).random_base2(int(np.log2(count - 1)) + 1)
+        low, high = self._freedom.lower, self._freedom.upper
+        return np.asarray(low + points[:count] * (high - low))
+
+    def _around(self, x: Array) -> Iterator[Array]:
+        """Placements near one."""
+        rng = np.random.default_rng([self._seed, 9])
+        low, high = self._freedom.lower, self._freedom.upper
+        for step in rng.uniform(-_NEAR, _NEAR, (_AROUND, len(x))):
+            yield from self._kept(np.clip(x + step * (high - low), low, high))
+
+    def _kept(self, x: Array) -> Iterator[Array]:
+        """x, moved to where fixed arms hold the object; nothing where they cannot."""
+        if not any(arm.fixed for arm in self._cases[0].arms):
+            yield x
+            return
+        found = self._places.held_by_fixed(x)
+        if found is not None:
+            yield found
+
+    def _at(
+        self, x: Array, effort: Effort, each: Sequence[Array] | None = None
+    ) -> tuple[tuple[Found, ...], list[Placed]]:
+        """What postures alone are worth with everything moved by x, or by one for each case."""
+        found = []
+        xs = [x] * len(self._cases) if each is None else each
+        for k, here in enumerate(xs):
+            setting = self.setting(k, here)
+            found.append(search(self._machinery, setting, self._seed, effort, _silent))
+            if not found[-1].optima and effort.insistence == 0:
+                break
+        self._searches += found
+        if not all(each.optima for each in found):
+            return tuple(found), []
+        self._closed += 1
+        most = _OF_EACH + 2 if len(found) == 1 else 1
+        starts = []
+        for j in range(min(most, *(len(each.optima) for each in found), most)):
+            optima = [each.optima[j] for each in found]
+            value = sum(w * o.objective for w, o in zip(self.weights, optima, strict=True))
+            starts.append(Placed(tuple(xs), tuple(o.q for o in optima), float(value)))
+        return tuple(found), starts
+
+    def _reached(self, x: Array, rng: np.random.Generator) -> Array | None:
+        """A placement near x at which random postures of all arms close, in every case."""
+        from scipy.optimize import least_squares
+
+        cells, places = self._cases, self._places
+        closing = places.closing
+        low, high = (
+            np.concatenate([np.tile(np.concatenate(ends), len(cells)), free])
+            for ends, free in zip(
+                zip(*(finite_range(*limits) for limits in
+                      zip(cells[0].lower, cells[0].upper, strict=True)), strict=True),
+                places.bounds, strict=True,
+            )
+        )  # fmt: skip
+        given = np.concatenate([self._freedom.numbers(cell) for cell in cells])
+        start = rng.uniform(low, high)
+        start[len(start) - places.size :] = places.joined([x] * len(cells))
+        # Joints that do not move at all are no variables.
+        moves = high > low
+        whole = np.where(moves, start, low)
+
+        def completed(some: Array) -> Array:
+            whole[moves] = some
+            return whole
+
+        def residual(some: Array) -> Array:
+            return np.array(closing(completed(some), given)[0]).ravel()
+
+        def slope(some: Array) -> Array:
+            return np.array(closing(completed(some), given)[1])[:, moves]
+
+        end = least_squares(
+            residual,
+            np.clip(start[moves], low[moves] + 1e-9, high[moves] - 1e-9),
+            jac=slope,
+            bounds=(low[moves], high[moves]), max_nfev=60, xtol=1e-14, ftol=1e-14, gtol=1e-14,
+        )  # fmt: skip
+        if np.sqrt(2 * end.cost) > 1e-6:
+            return None
+        found = places.parted(completed(end.x)[len(start) - places.size :])
+        return next(self._kept(found[0]), None) if len(found) == 1 else found[0]
+
+    def polish(self, start: Placed) -> Placed:
+        """Climb over everything that is free; never to anything worse.
+
+        Demands that a run of IPOPT left out join the next. Where a run leads astray the next may
+        go less far.
+        """
+        self._polished += 1
+        best, here, room = start, start, np.inf
+        demands = self._demands(start)
+        limits = isinstance(self._machinery.objective, LimitsMeasure)
+        for run in range(_RUNS):
+            if run >= (_WANDER if limits else 0):
+                here = best
+            end = self._solved(here, demands, room)
+            far = 0.0
+            there = None
+            if end is None or not end.converged:
+                if end is not None:
+                    self._failures.append(end)
+            else:
+                there = self._evaluated(end.q)
+                far = float(np.abs(end.q - self._stacked(here)).max())
+            more = None if there is None else self._tightened(there, demands)
+            if there is not None and there.value > best.value - _LOSS * (1 + abs(best.value)):
+                gained = there.value - best.value
+                best = here = there
+                if more is None and far < room * (1 - 1e-6):
+                    break
+                if gained <= SAME_OBJECTIVE / 10 and run > _WANDER:
+                    break
+            else:
+                here = best if there is None else there
+                room = min(room, far if far > 0 else 1.0) * _NEARER
+                if room < _NO_ROOM or run >= (_RUNS if limits else _WANDER):
+                    break
+            demands = demands if more is None else more
+        return best
+
+    def _stacked(self, placed: Placed) -> Array:
+        return np.concatenate([*placed.q, self._places.joined(placed.x)])
+
+    def _evaluated(self, end: Array) -> Placed:
+        """The value of an end of the program."""
+        size = self._places.size
+        q = np.split(end[: len(end) - size], len(self._cases))
+        x = self._places.parted(end[len(end) - size :])
+        values = [
+            self._machinery.objectives(self.setting(k, x[k]), mine[None])[0]
+            for k, mine in enumerate(q)
+        ]
+        total = float(np.dot(self.weights, values))
+        return Placed(tuple(x), tuple(q), total if np.isfinite(total) else -np.inf)
+
+    def _demands(self, placed: Placed) -> list[tuple[Demand, ...]] | None:
+        machinery = self._machinery
+        if not isinstance(machinery.objective, LimitsMeasure):
+            return None
+        return [
+            machinery.demands(self.setting(k, placed.x[k]), q[None])[0]
+            for k, q in enumerate(placed.q)
+        ]
+
+    def _tightened(
+        self, placed: Placed, demands: list[tuple[Demand, ...]] | None
+    ) -> list[tuple[Demand, ...]] | None:
+        """Demands with those that a run left out; None where it left out none."""
+        if demands is None:
+            return None
+        found = [
+            self._machinery.tightened(self.setting(k, placed.x[k]), q[None], demands[k])
+            for k, q in enumerate(placed.q)
+        ]
+        if all(each is None for each in found):
+            return None
+        return [old if new is None else new for old, new in zip(demands, found, strict=True)]
+
+    def _solved(
+        self, here: Placed, demands: list[tuple[Demand, ...]] | None, room: float
+    ) -> LocalSolve | None:
+        machinery, freedom, given = self._machinery, self._freedom, []
+        low, high = [], []
+        for k, (x, q) in enumerate(zip(here.x, here.q, strict=True)):
+            setting = self.setting(k, x)
+            wanted = None if demands is None else [demands[k]]
+            numbers, beside = machinery.given(setting, q[None], wanted)
+            if not np.all(np.isfinite(beside)):
+                return None
+            mine = numbers[0]
+            if demands is not None:
+                mine = np.concatenate([mine, setting.placement.inertia])
+            place = freedom.numbers(self._cases[k])
+            given.append(Given(place, mine, beside[0], self.weights[k]))
+            lower, upper = setting.bounds
+            low.append(lower)
+            high.append(upper)
+        ends = self._places.bounds
+        start = self._stacked(here)
+        lower = np.maximum(np.concatenate([*low, ends[0]]), start - room)
+        upper = np.minimum(np.concatenate([*high, ends[1]]), start + room)
+        return machinery.placing_program.solve(start, given, lower, upper)
+
+    def _apart(self, one: Placed, other: Placed) -> float:
+        """How different two are: joints, rad or m, and free coordinates over their ranges."""
+        cell = self._cases[0]
+        joints = max(cell.distances(a[None], b)[0] for a, b in zip(one.q, other.q, strict=True))
+        span = self._freedom.upper - self._freedom.lower
+        moved = max(
+            float((np.abs(a - b) / span).max(initial=0.0))
+            for a, b in zip(one.x, other.x, strict=True)
+        )
+        return max(float(joints), moved)
+
+    def _distinct(self, starts: Sequence[Placed], most: int) -> list[Placed]:
+        chosen: list[Placed] = []
+        for start in starts:
+            if len(chosen) == most:
+                break
+            if all(self._apart(start, other) > 0.3 for other in chosen):
+                chosen.append(start)
+        return chosen
+
+    def _unlike(self, starts: Sequence[Placed], ends: Sequence[Placed]) -> list[Placed]:
+        """Those of the starts that are no ends."""
+        return [s for s in starts if all(self._apart(s, end) > _SAME for end in ends)]
+
+    def _gathered(self, ends: Sequence[Placed]) -> list[Placed]:
+        """Distinct ends, best first, with how many ended in each."""
+        optima: list[Placed] = []
+        for end in sorted(ends, key=lambda end: -end.value):
+            for j, known in enumerate(optima):
+                if (
+                    abs(known.value - end.value) < SAME_OBJECTIVE
+                    and self._apart(known, end) < _SAME
+                ):
+                    optima[j] = replace(known, count=known.count + 1)
+                    break
+            else:
+                optima.append(end)
+        return optima
+
+
+def _silent(what: str, done: float) -> None:
+    """The whole is told of, not each of its searches."""
