@@ -5,6 +5,7 @@ URDF arms go through Pinocchio, planar arms through the elementary sums over the
 
 from __future__ import annotations
 
+import copy
 import math
 import tomllib
 from dataclasses import dataclass
@@ -34,11 +35,59 @@ def skew(r):
 
 
 def pose(table: dict) -> pin.SE3:
+    if "quaternion" in table:
+        turn = pin.Quaternion(*map(float, table["quaternion"]))
+        return pin.SE3(turn.toRotationMatrix(), np.array(table["position"], dtype=float))
     if "rpy" in table or len(table.get("position", [0, 0, 0])) == 3:
         rotation = pin.rpy.rpyToMatrix(*map(float, table.get("rpy", (0, 0, 0))))
         return pin.SE3(rotation, np.array(table.get("position", (0, 0, 0)), dtype=float))
     rotation = pin.rpy.rpyToMatrix(0.0, 0.0, float(table.get("angle", 0.0)))
     return pin.SE3(rotation, np.array([*table.get("position", (0, 0)), 0.0], dtype=float))
+
+
+def placed(tables: dict, posture, case: dict | None = None) -> dict:
+    """Tables with object, bases and grasps where a posture says they are, for a case if any.
+
+    Nothing is free in them, and nothing fixed.
+    """
+    found = copy.deepcopy(tables)
+    found.pop("cases", None)
+    thing = found["object"]
+    for key in ("freedom", "rpy", "angle", "quaternion"):
+        thing.pop(key, None)
+    thing |= posture.object.model_dump()
+    if case is not None and "mass" in case:
+        ratio = case["mass"] / thing["mass"]
+        thing["mass"] = case["mass"]
+        if "inertia" in thing:
+            thing["inertia"] = (np.array(thing["inertia"]) * ratio).tolist()
+    for arm in found["arms"]:
+        arm.pop("freedom", None)
+        arm.pop("fixed", None)
+        for what in ("base", "grasp"):
+            moved = getattr(posture, what) or {}
+            if arm["name"] in moved:
+                arm[what] = moved[arm["name"]].model_dump()
+    return found
+
+
+def offsets(pose: pin.SE3, shift: dict, *, of: str) -> pin.SE3:
+    """A pose moved as a table ``freedom`` says: of a ``base``, or of a ``grasp``."""
+    step = np.array([shift.get(name, 0.0) for name in "xyz"])
+    turn = pin.utils.rotate("z", shift.get("yaw" if of == "base" else "twist", 0.0))
+    rotation = turn @ pose.rotation if of == "base" else pose.rotation @ turn
+    return pin.SE3(rotation, pose.translation + step)
+
+
+def moved_object(table: dict, shift: dict) -> pin.SE3:
+    """The object's pose moved as its table ``freedom`` says."""
+    position = np.zeros(3)
+    position[: len(table["position"])] = table["position"]
+    position += [shift.get(name, 0.0) for name in "xyz"]
+    rpy = np.array(table.get("rpy", (0.0, 0.0, table.get("angle", 0.0))), dtype=float)
+    rpy += [shift.get(name, 0.0) for name in ("roll", "pitch", "yaw")]
+    rpy[2] += shift.get("angle", 0.0)
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), position)
 
 
 class UrdfArm:
@@ -366,3 +415,236 @@ class Problem:
         if settings.get("resolution", "pseudoinverse") == "pseudoinverse":
             return M @ np.linalg.pinv(J) / T[:, None]
         return np.linalg.inv(np.linalg.qr((J @ np.linalg.inv(M) * T).T)[1]).T
+
+
+class PlanarPlaces:
+    """Planar arms in many placements at once: log-volumes, closure, and all that closes.
+
+    Free coordinates x, (count, d), are the object's, then each arm's base's and grasp's, in the
+    order x, y, angle. Of joints q, (count, N), all arms' are stacked.
+    """
+
+    def __init__(self, tables: dict) -> None:
+        self.tables = tables
+        self.m = len(ROWS[tables["task"]["space"]])
+        owners = [(None, "object", tables["object"].get("freedom", {}))]
+        for i, arm in enumerate(tables["arms"]):
+            freedom = arm.get("freedom", {})
+            owners += [(i, what, freedom.get(what, {})) for what in ("base", "grasp")]
+        self.free = [
+            (owner, what, name, table[given])
+            for owner, what, table in owners
+            for name, words in (("x", "x"), ("y", "y"), ("angle", "angle yaw twist"))
+            for given in words.split()
+            if given in table
+        ]
+        self.low = np.array([limits[0] for *_, limits in self.free])
+        self.high = np.array([limits[1] for *_, limits in self.free])
+        self.edges = np.cumsum([0] + [len(arm["links"]) for arm in tables["arms"]])
+        self.joint_limits = np.vstack(
+            [
+                arm.get("position_limits", [[-np.inf, np.inf]] * len(arm["links"]))
+                for arm in tables["arms"]
+            ]
+        )
+
+    def where(self, owner: int | None, what: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Position, (count, 2), and angle, (count,), of the object, a base or a grasp."""
+        table = self.tables["object"] if owner is None else self.tables["arms"][owner].get(what, {})
+        place = np.zeros((len(x), 3))
+        place += [*table.get("position", (0.0, 0.0)), table.get("angle", 0.0)]
+        for k, (whose, kind, name, _) in enumerate(self.free):
+            if (whose, kind) == (owner, what):
+                place[:, ["x", "y", "angle"].index(name)] += x[:, k]
+        return place[:, :2], place[:, 2]
+
+    def goal(self, i: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where tip i should be, and how it should be turned."""
+        at, turn = self.where(None, "object", x)
+        grasp, angle = self.where(i, "grasp", x)
+        return at + turned(grasp, turn), turn + angle
+
+    def closure(self, q: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """What every arm misses its grasp by, (count, K·m)."""
+        rows = []
+        for i in range(len(self.tables["arms"])):
+            (tip, angle), (goal, turn) = self.arm(i, q, x)[:2], self.goal(i, x)
+            rows.append(tip - goal)
+            if self.m == 3:
+                rows.append(np.sin(angle - turn)[:, None])
+        return np.hstack(rows)
+
+    def arm(self, i: int, q: np.ndarray, x: np.ndarray):
+        """Tip, its angle, Jacobian, (count, m, n), and joint inertia of arm i."""
+        base, start = self.where(i, "base", x)
+        angles = start[:, None] + np.cumsum(q[:, self.edges[i] : self.edges[i + 1]], axis=1)
+        links, n = self.tables["arms"][i]["links"], angles.shape[1]
+        along = np.stack([np.cos(angles), np.sin(angles)], axis=2)
+        joints = [base]
+        for k, link in enumerate(links):
+            joints.append(joints[-1] + link["length"] * along[:, k])
+
+        def jacobian(point, last):
+            J = np.zeros((len(q), 3, n))
+            for j in range(last + 1):
+                J[:, 0, j], J[:, 1, j] = (
+                    joints[j][:, 1] - point[:, 1],
+                    point[:, 0] - joints[j][:, 0],
+                )
+                J[:, 2, j] = 1.0
+            return J
+
+        M = np.zeros((len(q), n, n))
+        for k, link in enumerate(links):
+            J = jacobian(joints[k] + link["com"] * along[:, k], k)
+            weights = np.array([link["mass"], link["mass"], link["inertia"]])
+            M += J.swapaxes(1, 2) @ (weights[:, None] * J)
+        return joints[-1], angles[:, -1], jacobian(joints[-1], n - 1)[:, : self.m], M
+
+    def own(self, i: int, q: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """What arm i adds to the Gram matrix, (count, m, m)."""
+        m, K, thing = self.m, len(self.tables["arms"]), self.tables["object"]
+        turn = self.where(None, "object", x)[1]
+        W = np.tile(np.eye(m), (len(x), 1, K))
+        if m == 3:
+            for k in range(K):
+                r = turned(self.where(k, "grasp", x)[0], turn)
+                W[:, 2, 3 * k], W[:, 2, 3 * k + 1] = -r[:, 1], r[:, 0]
+        mine = slice(m * i, m * i + m)
+        M_o = np.diag([thing["mass"], thing["mass"], thing.get("inertia", 0.0)][:m])
+        _, _, J, M = self.arm(i, q, x)
+        A = M @ np.linalg.pinv(J) @ W[:, :, mine].swapaxes(1, 2)
+        A += J.swapaxes(1, 2) @ np.linalg.pinv(W)[:, mine] @ M_o
+        return A.swapaxes(1, 2) @ A
+
+    def volume(self, gram: np.ndarray) -> np.ndarray:
+        """The log-volume of Gram matrices, (..., m, m)."""
+        G = gram
+        if self.m == 2:
+            det = G[..., 0, 0] * G[..., 1, 1] - G[..., 0, 1] ** 2
+        else:
+            det = (
+                G[..., 0, 0] * (G[..., 1, 1] * G[..., 2, 2] - G[..., 1, 2] ** 2)
+                - G[..., 0, 1] * (G[..., 0, 1] * G[..., 2, 2] - G[..., 1, 2] * G[..., 0, 2])
+                + G[..., 0, 2] * (G[..., 0, 1] * G[..., 1, 2] - G[..., 1, 1] * G[..., 0, 2])
+            )
+        ball = self.m / 2 * math.log(math.pi) - math.lgamma(self.m / 2 + 1)
+        return ball - 0.5 * np.log(det)
+
+    def value(self, q: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """The log-volume of postures, (count,)."""
+        return self.volume(sum(self.own(i, q, x) for i in range(len(self.tables["arms"]))))
+
+    def inverse(self, i: int, x: np.ndarray, around: int) -> np.ndarray:
+        """All postures of arm i that hold the object at one x, (d,): (count, n).
+
+        Two joints follow from the tip's place, a last one from how it is turned; the first of those
+        left over is on a grid of so many angles.
+        """
+        links = [link["length"] for link in self.tables["arms"][i]["links"]]
+        (goal,), (turn,) = self.goal(i, x[None])
+        (base,), (start,) = self.where(i, "base", x[None])
+        wrist, links = (
+            (goal - links[-1] * np.array([math.cos(turn), math.sin(turn)]), links[:-1])
+            if self.m == 3
+            else (goal, links)
+        )
+        first = np.zeros((1, 0))
+        if len(links) == 3:
+            first = (np.arange(around) * 2 * math.pi / around)[:, None]
+            base = base + links[0] * np.hstack([np.cos(start + first), np.sin(start + first)])
+        assert len(links) - first.shape[1] == 2
+        a, b = links[-2:]
+        away = np.atleast_2d(wrist - base)
+        cosine = ((away**2).sum(axis=1) - a**2 - b**2) / (2 * a * b)
+        reach = np.abs(cosine) < 1
+        first, away, cosine = first[reach], away[reach], cosine[reach]
+        found = []
+        for bend in (np.arccos(cosine), -np.arccos(cosine)):
+            point = np.arctan2(away[:, 1], away[:, 0])
+            shoulder = point - np.arctan2(b * np.sin(bend), a + b * np.cos(bend))
+            shoulder = shoulder - start - first.sum(axis=1)
+            parts = [first, shoulder[:, None], bend[:, None]]
+            if self.m == 3:
+                parts.append((turn - start - first.sum(axis=1) - shoulder - bend)[:, None])
+            found.append(np.hstack(parts))
+        q = np.vstack(found)
+        limits = self.joint_limits[self.edges[i] : self.edges[i + 1]]
+        q = (q + math.pi) % (2 * math.pi) - math.pi
+        return q[np.all((q >= limits[:, 0]) & (q <= limits[:, 1]), axis=1)]
+
+    def densest(self, grid: int, around: int, kept: int) -> list[tuple[np.ndarray, np.ndarray]]:
+        """The best postures (q, x) of a dense grid over all that is free, unlike each other."""
+        ticks = [np.linspace(*limits, grid) for *_, limits in self.free]
+        found = []
+        for x in np.stack(np.meshgrid(*ticks), axis=-1).reshape(-1, len(ticks)):
+            mine = [self.inverse(i, x, around) for i in range(2)]
+            if any(len(q) == 0 for q in mine):
+                continue
+            grams = []
+            for i, q in enumerate(mine):
+                whole = np.zeros((len(q), self.edges[-1]))
+                whole[:, self.edges[i] : self.edges[i + 1]] = q
+                grams.append(self.own(i, whole, np.tile(x, (len(q), 1))))
+            with np.errstate(all="ignore"):
+                values = self.volume(grams[0][:, None] + grams[1][None])
+            values[~np.isfinite(values)] = -np.inf
+            for flat in np.argsort(-values, axis=None)[: 2 * kept]:
+                a, b = np.unravel_index(flat, values.shape)
+                found.append((values[a, b], np.concatenate([mine[0][a], mine[1][b]]), x))
+        found.sort(key=lambda each: -each[0])
+        chosen: list[tuple[np.ndarray, np.ndarray]] = []
+        span = self.high - self.low
+        for _, q, x in found:
+            if len(chosen) == kept:
+                break
+            if all(
+                np.abs(np.sin((q - p) / 2)).max() > 0.15 or np.abs((x - y) / span).max() > 0.2
+                for p, y in chosen
+            ):
+                chosen.append((q, x))
+        return chosen
+
+    def polished(self, q: np.ndarray, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """The local optimum over joints and all that is free, by SciPy, and where it is."""
+        from scipy.optimize import minimize
+
+        N = len(q)
+        low = np.concatenate([self.joint_limits[:, 0], self.low])
+        high = np.concatenate([self.joint_limits[:, 1], self.high])
+
+        def many(function, z):
+            return function(z[:, :N], z[:, N:])
+
+        def slope(function):
+            def of(z):
+                steps = 1e-6 * np.eye(len(z))
+                ends = many(function, np.vstack([z + steps, z - steps]))
+                return ((ends[: len(z)] - ends[len(z) :]) / 2e-6).T
+
+            return of
+
+        end = minimize(
+            lambda z: -many(self.value, z[None])[0],
+            np.concatenate([q, x]),
+            jac=lambda z: -slope(self.value)(z),
+            bounds=np.column_stack([low, high]),
+            constraints={
+                "type": "eq",
+                "fun": lambda z: many(self.closure, z[None])[0],
+                "jac": slope(self.closure),
+            },
+            method="SLSQP",
+            options={"maxiter": 300, "ftol": 1e-11},
+        )
+        z = np.clip(end.x, low, high)
+        closed = np.abs(many(self.closure, z[None])).max() < 1e-7
+        return (float(-end.fun) if closed else -np.inf), z[:N], z[N:]
+
+
+def turned(vectors: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Vectors in the plane, (count, 2), turned by angles, (count,)."""
+    c, s = np.cos(angles), np.sin(angles)
+    return np.column_stack(
+        [c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1]]
+    )

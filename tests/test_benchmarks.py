@@ -26,7 +26,13 @@ BENCHMARKS = PROBLEMS.parent / "benchmarks"
 
 
 def test_every_shipped_problem_is_a_case() -> None:
-    shipped = {path.stem for path in PROBLEMS.glob("*.toml")}
+    # What no other program can be asked: more than joints free, or bodies in the way.
+    texts = {path.stem: path.read_text() for path in PROBLEMS.glob("*.toml")}
+    shipped = {
+        name
+        for name, text in texts.items()
+        if not any(word in text for word in (".freedom", "[[cases]]", "collision = true"))
+    }
     assert shipped <= {*NAMES, *limits.SHIPPED}
     assert set(known()) == set(NAMES)
 

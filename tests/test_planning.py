@@ -19,6 +19,7 @@ from copose.poses import Pose
 from copose.problem import parse
 from copose.results import Posture, Solution, to_json
 from reference import Problem as Truth
+from reference import placed
 
 
 def solved(cell: dict) -> Solution:
@@ -59,10 +60,18 @@ def test_shipped_problems_recompute(file) -> None:
     problem = copose.load(file)
     solution = copose.solve(problem)
     assert solution.status == "solved"
+    cell = tables(file.stem)
     for posture in (solution.before, solution.after):
-        assert posture is not None
-        check_posture(posture, tables(file.stem), solution.joint_names)
-    if solution.objective.kind == "volume":
+        assert (posture is None) == ("cases" in cell)
+        if posture is not None:
+            check_posture(posture, placed(cell, posture), solution.joint_names)
+    for postures in (solution.cases_before, solution.cases):
+        for posture, case in zip(postures or (), cell.get("cases", ()), strict=True):
+            check_posture(posture, placed(cell, posture, case), solution.joint_names)
+    if solution.cases is not None:
+        total = sum(posture.weight * posture.objective for posture in solution.cases)
+        assert solution.objective.after == pytest.approx(total, rel=1e-12)
+    elif solution.objective.kind == "volume":
         assert solution.objective.after == solution.after.ellipsoid.log_volume
         assert solution.objective.before == solution.before.ellipsoid.log_volume
     assert solution.objective.after > solution.objective.before

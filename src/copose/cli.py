@@ -143,14 +143,9 @@ def _evaluate(arguments: argparse.Namespace) -> int:
     from copose.planning import evaluate
     from copose.results import read_solution
 
-    joints = None
-    if arguments.joints is not None:
-        result = read_solution(arguments.joints)
-        if result.after is None:
-            raise InputError("has no posture: null", key="after", file=arguments.joints)
-        joints = result.after.joints
+    result = None if arguments.joints is None else read_solution(arguments.joints)
     try:
-        solution = evaluate(problem, joints)
+        solution = evaluate(problem, result)
     except InputError as error:
         if error.file is None:
             raise InputError(error.message, key=error.key, file=arguments.joints) from None

@@ -113,7 +113,8 @@ def _value(measured: Measurement | Placing | None) -> float | None:
 def _posture(cell: Cell, measured: Measurement | Placing | None) -> Posture | None:
     """The one posture; None where there are cases."""
     if isinstance(measured, Placing):
-        return None if cell.problem.cases else measured.cases[0].measured.posture
+        several = len(measured.cases) > 1 or cell.problem.cases
+        return None if several else measured.cases[0].measured.posture
     return None if measured is None else measured.posture
 
 

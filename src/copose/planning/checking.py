@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from copose.collision import Scene
 from copose.planning.cell import Cell
 from copose.planning.notes import standing_notes
 from copose.problem import Problem
@@ -26,4 +27,7 @@ def check(problem: Problem) -> Check:
         InputError: what is wrong.
     """
     cell = Cell.of(problem)
-    return Check(problem, cell.arms, standing_notes(cell))
+    notes = standing_notes(cell)
+    if problem.constraints.collision:
+        notes += Scene.of(problem, cell.arms).notes
+    return Check(problem, cell.arms, notes)

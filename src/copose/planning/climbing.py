@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 
 from copose.planning.cell import Cell
 from copose.planning.machinery import Machinery, Setting
+from copose.planning.optima import LocalOptimum
 from copose.planning.polishing import Polished
 from copose.planning.program import LocalSolve
 from copose.poses import Array, Mask
@@ -23,21 +24,14 @@ _SAME_JOINTS = 1e-3
 _TIE = 1e-8
 # Ends that did not converge matter where they come near the best.
 _NEAR_BEST = 1e-2
+# Climbs that bodies stop of which IPOPT goes on, the best starts first.
+_STOPPED = 6
 _KINKED = 10
 # Starts that are polished at a time, and how many times the largest gain so far the next may hope
 # for.
 _AT_ONCE, _HOPE = 8, 10.0
 # Where each takes a program by itself: at first, for gains differ more there, and then.
 _FIRST, _FEW_AT_ONCE = 12, 4
-
-
-@dataclass(frozen=True, eq=False)
-class LocalOptimum:
-    """A distinct end of the polishing: stacked joints, objective, how many starts ended there."""
-
-    q: Array
-    objective: float
-    count: int
 
 
 class Climbs:
@@ -51,7 +45,7 @@ class Climbs:
         self, machinery: Machinery, setting: Setting, progress: Progress, most: int = _KINKED
     ) -> None:
         """Nothing polished yet; of what Newton steps leave so many are finished by IPOPT."""
-        self._most = min(most, _KINKED)
+        self._most, self._stopped = min(most, _KINKED), _STOPPED
         self._machinery, self._setting, self._progress = machinery, setting, progress
         self.starts = 0
         self.ends: list[LocalOptimum] = []
@@ -129,14 +123,23 @@ class Climbs:
         if not machinery.newton:
             return self._solve(starts)
         ends = machinery.polisher(setting).polish(starts)
-        held = machinery.held(setting, ends.q)
+        held = machinery.allowed(setting, ends.q, ends.converged & (ends.value > self.best))
         solved = ends.converged & machinery.smooth & held
         values = machinery.objectives(setting, ends.q)
         for q, value in zip(ends.q[solved], values[solved], strict=True):
             self.ends.append(LocalOptimum(q, float(value), 1))
         left = _left(setting.cell, ends, solved | ~held, machinery.smooth, self._most)
-        # Where torque limits end a climb IPOPT climbs with them, from a start that keeps them.
-        left = np.vstack([left, starts[~held & machinery.held(setting, starts)]])
+        # Where torque limits or bodies end a climb IPOPT climbs with them, from a start that keeps
+        # them; but where not even the climb without them came up to the best, it is no use.
+        stopped = ~held & machinery.allowed(setting, starts)
+        if setting.clearance is not None:
+            rows = np.flatnonzero(stopped & (ends.value > self.best))
+            scores = machinery.objectives(setting, starts[rows])
+            stopped[:] = False
+            rows = rows[np.argsort(-scores, kind="stable")[: self._stopped]]
+            stopped[rows] = True
+            self._stopped -= len(rows)
+        left = np.vstack([left, starts[stopped]])
         if machinery.smooth:
             stalled = int((~solved).sum()) - len(left)
             self.failures += [LocalSolve(starts[0], False, "Stalled_Far_Below_Best", {})] * stalled

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from copose.collision import Scene
 from copose.errors import InputError
-from copose.planning.answering import answer
+from copose.planning.aims import objective_of
+from copose.planning.answering import Case, Placing, answer
 from copose.planning.cell import Cell
+from copose.planning.clearance import Clearance, overlap_notes, with_collision
+from copose.planning.freedom import Freedom
 from copose.planning.measuring import Measurement, Meter
 from copose.planning.notes import margin_notes
+from copose.planning.placing import Placed
 from copose.poses import Array
 from copose.problem import Problem
 from copose.results import EllipsoidRecord, Posture, Solution, Timing
@@ -20,12 +26,15 @@ from copose.results import EllipsoidRecord, Posture, Solution, Timing
 TOLERANCE = 1e-6
 
 
-def evaluate(problem: Problem, joints: Mapping[str, Sequence[float]] | None = None) -> Solution:
+def evaluate(
+    problem: Problem, joints: Mapping[str, Sequence[float]] | Solution | None = None
+) -> Solution:
     """The ellipsoids of a posture, neither projected nor optimised.
 
     Args:
         problem: as read by `copose.load`.
-        joints: joint positions by arm, rad or m; default the ``start`` of every arm.
+        joints: joint positions by arm, rad or m; default the ``start`` of every arm. Of a result
+            its ``after``, with what is free where it has it; else that is where the file has it.
 
     Returns:
         A solution with the posture as ``after``; ``infeasible`` where it is open or breaks a limit.
@@ -34,19 +43,35 @@ def evaluate(problem: Problem, joints: Mapping[str, Sequence[float]] | None = No
         InputError: an arm has no start, or ``joints`` do not fit the arms.
     """
     began = time.perf_counter()
-    cell = Cell.of(problem)
+    cell, freedom = Cell.of(problem), Freedom.of(problem)
+    x = freedom.nominal
+    if isinstance(joints, Solution):
+        if joints.after is None:
+            raise InputError("has no posture: null", key="after")
+        x, joints = freedom.stated(problem, joints, "after"), joints.after.joints
+    cell = freedom.at(cell, x)
     q = _starts(cell) if joints is None else cell.given(joints)
     meter = Meter(cell)
     built = time.perf_counter()
     measured = meter.measure(cell, q, everything=True)
+    notes = margin_notes(cell, q)
+    if problem.constraints.collision:
+        scene = Scene.of(cell.problem, cell.arms)
+        measured = with_collision(cell, measured, Clearance(cell, scene))
+        notes += scene.notes
+    else:
+        with contextlib.suppress(InputError):
+            notes += overlap_notes(cell, Scene.of(cell.problem, cell.arms), q)
     fault = next(_faults(cell, q, measured), None)
+    placed = Placed((x,), (np.concatenate(q),), np.nan)
+    after = Placing(placed, (Case(measured, 1.0),)) if len(freedom) else measured
     return answer(
         cell,
         meter.objective,
         status="solved" if fault is None else "infeasible",
         reason=fault,
-        notes=margin_notes(cell, q),
-        after=measured if fault is None else None,
+        notes=notes,
+        after=after if fault is None else None,
         miss=measured if fault is not None else None,
         timing=Timing(build_s=built - began, search_s=time.perf_counter() - built),
     )
@@ -86,23 +111,38 @@ def verify(problem: Problem, solution: Solution) -> tuple[str, ...]:
     Returns:
         One sentence per disagreement beyond 1e-8 relative; empty where the result is right.
     """
-    cell = Cell.of(problem)
-    meter = Meter(cell)
+    given, freedom = Cell.of(problem), Freedom.of(problem)
+    meter = Meter(given)
     objective = meter.objective
     wrong = []
-    for when in ("before", "after"):
-        stated: Posture | None = getattr(solution, when)
-        if stated is None:
+    if (solution.objective.kind, solution.objective.unit) != (objective.kind, objective.unit):
+        wrong.append(f"the objective is {objective.kind}, in {objective.unit}")
+    for when, postures in (
+        ("before", solution.cases_before or (solution.before,)),
+        ("after", solution.cases or (solution.after,)),
+    ):
+        total: float | None = 0.0
+        names = [case.name for case in problem.cases] or [""]
+        weights = [case.weight for case in problem.cases] or [1.0]
+        if len(postures) != len(names):
+            wrong.append(f"{when}: {len(names)} cases are expected")
             continue
-        joints = cell.given(stated.joints)
-        measured = meter.measure(cell, joints, everything="companions" in stated.model_fields_set)
-        wrong += [f"{when}: {fault}" for fault in _faults(cell, joints, measured)]
-        wrong += [f"{when}: {key}" for key in _differences(stated, measured.posture)]
-        if (solution.objective.kind, solution.objective.unit) != (objective.kind, objective.unit):
-            wrong.append(f"the objective is {objective.kind}, in {objective.unit}")
-        value = getattr(solution.objective, when)
-        if measured.value is not None and not _near(value, measured.value):
-            wrong.append(f"{when}: the objective is {measured.value!r}")
+        for k, stated in enumerate(postures):
+            if stated is None:
+                total = None
+                continue
+            where = f"{when}, {names[k]}" if names[k] else when
+            cell = freedom.at(given.cases[k], freedom.stated(problem, solution, when, names[k]))
+            joints = cell.given(stated.joints)
+            everything = "companions" in stated.model_fields_set
+            here = meter.toward(objective if not names[k] else objective_of(cell))
+            measured = here.measure(cell, joints, everything=everything)
+            wrong += [f"{where}: {fault}" for fault in _faults(cell, joints, measured)]
+            wrong += [f"{where}: {key}" for key in _differences(stated, measured.posture)]
+            value = measured.value
+            total = None if total is None or value is None else total + weights[k] * value
+        if total is not None and not _near(getattr(solution.objective, when), total):
+            wrong.append(f"{when}: the objective is {total!r}")
     return tuple(wrong)
 
 
@@ -125,6 +165,13 @@ def _differences(stated: Posture, measured: Posture) -> Iterator[str]:
         for key in EllipsoidRecord.model_fields:
             if not _near(getattr(one, key), getattr(other, key)):
                 yield f"{where}.{key} does not follow from the joints"
+    for what in ("base", "grasp"):
+        frames = getattr(measured, what) or {}
+        for name, placed in frames.items():
+            told = (getattr(stated, what) or {}).get(name)
+            for key, number in placed:
+                if told is None or not _near(getattr(told, key, None), number):
+                    yield f"{what}.{name}.{key} is not what freedom says"
     for key, value in measured.object:
         if not _near(getattr(stated.object, key, None), value):
             yield f"object.{key} is not the problem's"

@@ -14,6 +14,7 @@ from copose.mechanics.held_object import N_PARAMETERS
 from copose.planning.cell import Cell
 from copose.poses import Array, Pose, quaternion_product
 from copose.problem import PlanarObject, Problem, displaced
+from copose.results import Solution
 
 _ANGLES = ("roll", "pitch", "yaw")
 
@@ -89,6 +90,15 @@ class Freedom:
             else f"{problem.arms[c.arm].name}.{c.what}.{c.name}"
             for c in self.coordinates
         )
+
+    def stated(self, problem: Problem, solution: Solution, when: str, case: str = "") -> Array:
+        """Where a result has everything, (d,): before or after, in a case if there are any."""
+        known = {record.name: getattr(record, when) for record in solution.freedom}
+        found = self.nominal
+        for k, name in enumerate(self.names(problem)):
+            value = known.get(f"{case}: {name}" if case else name, known.get(name))
+            found[k] = found[k] if value is None else value
+        return found
 
     def at(self, cell: Cell, x: Array) -> Cell:
         """The cell with everything moved by x, (d,)."""

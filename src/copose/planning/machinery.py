@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,15 +12,27 @@ import numpy as np
 from copose import kernels
 from copose.capability import HoldingTorque
 from copose.capability.torque_limits import Demand
+from copose.collision import Scene
+from copose.errors import InputError
 from copose.kernels import Kernel
 from copose.planning.aims import objective_of
 from copose.planning.arm_kernels import ArmKernels, Placement, Placer, terms_kernel
 from copose.planning.capacity import HELD, Capacity, Holding
 from copose.planning.cell import Cell
+from copose.planning.clearance import (
+    NOTHING_NEAR,
+    Apart,
+    Clearance,
+    Near,
+    Slot,
+    overlap_notes,
+    with_collision,
+)
 from copose.planning.freedom import Freedom
 from copose.planning.limits_measures import LimitsMeasure
 from copose.planning.measuring import Measurement, Measures, Meter, closure_errors
 from copose.planning.objectives import EllipsoidMeasure, Objective
+from copose.planning.optima import LocalOptimum
 from copose.planning.places import Places
 from copose.planning.polishing import Crew, Polisher
 from copose.planning.program import Given, LocalSolve, PostureProgram
@@ -34,6 +46,11 @@ _LOOK_AGAIN = 0.5
 _EXCHANGES, _WANDER, _NEARER, _NO_ROOM = 20, 6, 0.3, 1e-6
 # What a climb may lose by rounding, relative.
 _LOSS = 1e-9
+# Pairs of capsules that are less than this farther apart than they must be matter to a program, m;
+# what it may end nearer by; and how often it is solved with those that it has run into.
+_MATTERS, _TOUCHED, _COLLISIONS = 0.02, 1e-8, 10
+# Optima of which the first that keeps clear is looked for.
+_LOOKED_AT = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +68,7 @@ class Setting:
         numbers: parameters of the objective.
         holding: how the object is held, where torque limits matter.
         held_ties: what the kernels of `HoldingTorque` take, by arm.
+        clearance: what bodies must keep; None where they need not.
     """
 
     cell: Cell
@@ -62,6 +80,7 @@ class Setting:
     numbers: Array
     holding: Holding | None
     held_ties: tuple[Array, ...]
+    clearance: Clearance | None
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -83,6 +102,7 @@ class Machinery:
         newton: whether Newton steps climb the score.
         smooth: whether the score is then the objective itself.
         dear: whether a climb takes many programs.
+        clearance: how near bodies come, where they may not touch.
     """
 
     def __init__(self, cell: Cell, objective: Objective | None = None) -> None:
@@ -120,11 +140,26 @@ class Machinery:
         self.newton = isinstance(self.objective, EllipsoidMeasure)
         self.smooth = isinstance(self.objective, EllipsoidMeasure) and not self.objective.kinked
         self.dear = isinstance(self.objective, LimitsMeasure) and self.objective.dear
+        self.clearance = None
+        if cell.problem.constraints.collision:
+            self.clearance = Clearance(cell, self.scene)
+        self._built: dict[tuple[bool, tuple[Slot, ...]], PostureProgram] = {}
         self._looked: float | None = None
         own = [kernel for model in models.values() for kernel in model.all]
         self._kernels = (*own, *held.values(), *self.score.all, self._placer.kernel)
         if self.capacity is not None:
             self._kernels += self.capacity.kernels
+        if self.clearance is not None:
+            self._kernels += self.clearance.kernels
+
+    @cached_property
+    def scene(self) -> Scene:
+        """All bodies, and which of them may not touch.
+
+        Raises:
+            InputError: an arm has no shape.
+        """
+        return Scene.of(self.cell.problem, self.cell.arms)
 
     def _numbers_of(self, cell: Cell, objective: Objective) -> tuple[Holding | None, Array]:
         """How the object of a cell is held, and an objective's parameters there."""
@@ -134,10 +169,10 @@ class Machinery:
         assert isinstance(objective, LimitsMeasure) and holding is not None
         return holding, objective.numbers(objective.demands(holding))
 
-    @cached_property
+    @property
     def program(self) -> PostureProgram:
         """The posture program, for IPOPT."""
-        return self._program(None)
+        return self.built(None, ())
 
     @cached_property
     def places(self) -> Places:
@@ -145,18 +180,22 @@ class Machinery:
         cases = tuple(case.name for case in self.cell.problem.cases) or ("",)
         return Places(self.cell, Freedom.of(self.cell.problem), cases)
 
-    @cached_property
-    def placing_program(self) -> PostureProgram:
-        """The posture program of all cases with everything that is free."""
-        return self._program(self.places)
-
-    def _program(self, places: Places | None) -> PostureProgram:
-        bounds = None if self.capacity is None else self.capacity.bounds
-        numbers = self._numbers
-        if isinstance(self.objective, LimitsMeasure) and self._nominal is not None:
-            demands = self.objective.demands(self._nominal)[: self.objective.programmed]
-            numbers = len(self.objective.numbers(demands))
-        return PostureProgram(self.cell, self.objective, numbers, bounds, places)
+    def built(self, places: Places | None, slots: tuple[Slot, ...]) -> PostureProgram:
+        """The posture program, with all cases and everything that is free where ``places`` are
+        given, and with room for pairs of capsules that are kept apart.
+        """
+        key = places is not None, slots
+        if key not in self._built:
+            bounds = None if self.capacity is None else self.capacity.bounds
+            numbers = self._numbers
+            if isinstance(self.objective, LimitsMeasure) and self._nominal is not None:
+                demands = self.objective.demands(self._nominal)[: self.objective.programmed]
+                numbers = len(self.objective.numbers(demands))
+            apart = Apart(slots) if slots else None
+            self._built[key] = PostureProgram(
+                self.cell, self.objective, numbers, bounds, places, apart
+            )
+        return self._built[key]
 
     def compiled(self, *, wait: bool = False) -> bool:
         """Whether compiled kernels are in use; what is missing is compiled, see `kernels.build`."""
@@ -200,6 +239,7 @@ class Machinery:
             held_ties=(
                 () if self._held_placer is None else self._held_placer(cell.parameters).ties
             ),
+            clearance=None if self.clearance is None else self.clearance.fresh(),
         )
 
     def polisher(
@@ -295,6 +335,41 @@ class Machinery:
             return np.ones(len(q), dtype=bool)
         return np.asarray(self.shares(setting, q) <= 1 + HELD)
 
+    def clear(self, setting: Setting, q: Array) -> Mask:
+        """Which postures, (count, N), keep the clearance, as far as capsules tell, (count,)."""
+        clearance = setting.clearance
+        if clearance is None or not len(q):
+            return np.ones(len(q), dtype=bool)
+        return clearance.clear(setting.cell, self.split(q), clearance.every)
+
+    def first_apart(self, setting: Setting, optima: Sequence[LocalOptimum]) -> LocalOptimum | None:
+        """The first that keeps the clearance, of as many as are worth the time."""
+        for optimum in optima[:_LOOKED_AT]:
+            if self.exactly(setting, optimum.q):
+                return optimum
+        return None
+
+    def exactly(self, setting: Setting, q: Array) -> bool:
+        """Whether the bodies themselves keep the clearance at a posture, (N,)."""
+        clearance = setting.clearance
+        return clearance is None or clearance.exactly(setting.cell, self.split(q[None]))
+
+    def allowed(self, setting: Setting, q: Array, exactly: Mask | None = None) -> Mask:
+        """Which postures, (count, N), hold the object and keep the clearance, (count,).
+
+        Args:
+            setting: where the object is.
+            q: the postures.
+            exactly: those for which bodies decide where capsules would not allow them.
+        """
+        allowed = self.clear(setting, q)
+        if exactly is not None:
+            for k in np.flatnonzero(exactly & ~allowed):
+                allowed[k] = self.exactly(setting, q[k])
+        if self.static and allowed.any():
+            allowed[allowed] = self.held(setting, q[allowed])
+        return allowed
+
     def solve_programs(self, setting: Setting, q: Array) -> Iterator[LocalSolve]:
         """Runs of IPOPT from postures, (count, N)."""
         objective, holding = setting.objective, setting.holding
@@ -359,28 +434,86 @@ class Machinery:
         """The same with the demands of each start, where the objective has some."""
         bounds = setting.bounds if bounds is None else bounds
         numbers, beside = self.given(setting, q, demands)
-        for start, wanted, more in zip(q, numbers, beside, strict=True):
-            if np.all(np.isfinite(more)):
-                given = Given(setting.cell.parameters, wanted, more)
-                yield self.program.solve(start, [given], *bounds)
+        settings = [self.calibrated(setting, start) for start in q]
+        near = [self.near(here, start) for here, start in zip(settings, q, strict=True)]
+        met, best = list(near), -np.inf
+        for k, (start, wanted, more) in enumerate(zip(q, numbers, beside, strict=True)):
+            here, mine, slots = settings[k], near[k], self.slots(met)
+            for _ in range(_COLLISIONS):
+                given = np.concatenate([wanted, self.capsules(here, slots, mine)])
+                end = self._run(here, slots, start, given, more, bounds)
+                value = self.objectives(setting, end.q[None])[0]
+                found = self.runs_into(here, end.q) if value > best else NOTHING_NEAR
+                if found is None:
+                    best = max(best, value) if end.converged else best
+                    break
+                if not value > best:
+                    # What keeps clear of more will not be better.
+                    end = replace(end, converged=False, status="Below_Best")
+                    break
+                # What it has run into joins the pairs that matter.
+                mine = mine.joined(found)
+                met.append(mine)
+                slots = self.slots(met)
             else:
-                yield LocalSolve(start, False, "Singular_Start", {})
+                end = replace(end, converged=False, status="Collision")
+            yield end
 
-    def demands(self, setting: Setting, q: Array) -> list[tuple[Demand, ...]]:
-        """What counts of an objective's demands at postures, (count, N)."""
-        objective, holding = setting.objective, setting.holding
-        assert isinstance(objective, LimitsMeasure)
-        assert self.capacity is not None and holding is not None
-        return objective.nearest(self.capacity, setting.cell, holding, self.split(q))
+    def calibrated(self, setting: Setting, q: Array) -> Setting:
+        """A setting for programs that start at a posture, (N,), where bodies and not their capsules
+        tell how near they are.
+        """
+        if setting.clearance is None:
+            return setting
+        mine = setting.clearance.fresh()
+        mine.calibrate(setting.cell, self.split(q[None]), _MATTERS)
+        return replace(setting, clearance=mine)
 
-    def tightened(
-        self, setting: Setting, q: Array, demands: Sequence[Demand]
-    ) -> tuple[Demand, ...] | None:
-        """See `LimitsMeasure.tightened`, at a posture, (1, N)."""
-        objective, holding = setting.objective, setting.holding
-        assert isinstance(objective, LimitsMeasure)
-        assert self.capacity is not None and holding is not None
-        return objective.tightened(self.capacity, setting.cell, holding, self.split(q), demands)
+    def near(self, setting: Setting, q: Array) -> Near:
+        """Pairs of capsules that matter to a program that starts at a posture, (N,)."""
+        return self._near(setting, q, _MATTERS)
+
+    def runs_into(self, setting: Setting, q: Array) -> Near | None:
+        """Pairs of capsules that a program has let come too near at its end, (N,), or whose bodies
+        are nearer there than they tell, which is then mended; None where there are none.
+        """
+        hits = self._near(setting, q, -_TOUCHED)
+        if len(hits.rows):
+            return hits
+        if self.exactly(setting, q):
+            return None
+        assert setting.clearance is not None
+        setting.clearance.calibrate(setting.cell, self.split(q[None]), _MATTERS)
+        return self._near(setting, q, -_TOUCHED)
+
+    def _near(self, setting: Setting, q: Array, within: float) -> Near:
+        clearance = setting.clearance
+        if clearance is None:
+            return NOTHING_NEAR
+        return clearance.near(setting.cell, self.split(q[None]), clearance.every, within)
+
+    def slots(self, near: Sequence[Near]) -> tuple[Slot, ...]:
+        """Room in a program for all of these pairs, one posture at a time."""
+        return () if self.clearance is None else self.clearance.slots(near)
+
+    def capsules(self, setting: Setting, slots: tuple[Slot, ...], near: Near) -> Array:
+        """The pairs of a posture as parameters of a program."""
+        clearance = setting.clearance
+        return np.zeros(0) if clearance is None else clearance.numbers(slots, near)
+
+    def _run(
+        self,
+        setting: Setting,
+        slots: tuple[Slot, ...],
+        start: Array,
+        numbers: Array,
+        beside: Array,
+        bounds: tuple[Array, Array],
+    ) -> LocalSolve:
+        if not np.all(np.isfinite(beside)):
+            return LocalSolve(start, False, "Singular_Start", {})
+        given = Given(setting.cell.parameters, numbers, beside)
+        return self.built(None, slots).solve(start, [given], *bounds)
 
     def given(
         self, setting: Setting, q: Array, demands: Sequence[Sequence[Demand]] | None
@@ -400,9 +533,39 @@ class Machinery:
                 beside.append(dynamics.resting(holding.hold))
         return numbers, np.hstack(beside)
 
+    def demands(self, setting: Setting, q: Array) -> list[tuple[Demand, ...]]:
+        """What counts of an objective's demands at postures, (count, N)."""
+        objective, holding = setting.objective, setting.holding
+        assert isinstance(objective, LimitsMeasure)
+        assert self.capacity is not None and holding is not None
+        return objective.nearest(self.capacity, setting.cell, holding, self.split(q))
+
+    def tightened(
+        self, setting: Setting, q: Array, demands: Sequence[Demand]
+    ) -> tuple[Demand, ...] | None:
+        """See `LimitsMeasure.tightened`, at a posture, (1, N)."""
+        objective, holding = setting.objective, setting.holding
+        assert isinstance(objective, LimitsMeasure)
+        assert self.capacity is not None and holding is not None
+        return objective.tightened(self.capacity, setting.cell, holding, self.split(q), demands)
+
     def measure(self, setting: Setting, joints: Sequence[Array]) -> Measurement:
         """A posture as it is reported, by arm (n_i,)."""
-        return self.meter.toward(setting.objective).measure(setting.cell, joints)
+        cell = setting.cell
+        measured = self.meter.toward(setting.objective).measure(cell, joints)
+        return (
+            measured if self.clearance is None else with_collision(cell, measured, self.clearance)
+        )
+
+    def overlap(self, cell: Cell, joints: Sequence[Array]) -> tuple[str, ...]:
+        """A note where bodies overlap at a posture, by arm (n_i,), that nothing keeps apart."""
+        if self.clearance is not None:
+            return ()
+        try:
+            return overlap_notes(cell, self.scene, joints)
+        except InputError:
+            # Robots without shapes are no fault where none is asked for.
+            return ()
 
     def measures(self, setting: Setting, q: Sequence[Array]) -> Measures:
         """What postures are worth, by arm (count, n_i)."""

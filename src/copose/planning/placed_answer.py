@@ -55,6 +55,10 @@ class PlacedRun:
             if not stands and other is not None:
                 after, found = other, second
                 notes += ("the first search missed this posture; the second found it",)
+        if after is not None:
+            for k, case in enumerate(after.cases):
+                one = replace(run, setting=search.setting(k, after.placed.x[k]))
+                notes += one.overlap(case.measured)
         return self._answer(search, found, effort, before, after, notes, verification)
 
     def follow(self, start: Placed) -> Solution | None:
@@ -99,7 +103,8 @@ class PlacedRun:
                 continue
             off = abs(placing.value - optimum.value)
             if off <= 1e-6 * max(1.0, abs(optimum.value)) and all(
-                self.run.held(case.measured) for case in placing.cases
+                self.run.held(case.measured) and self.run.apart(case.measured)
+                for case in placing.cases
             ):
                 best = placing
                 break
@@ -115,18 +120,18 @@ class PlacedRun:
         self, search: PlacementSearch, found: Placements
     ) -> tuple[Placing | None, tuple[str, ...]]:
         """At the file's pose, clipped into the ranges, the start or the seed's first posture."""
-        x = search.nominal
+        xs = search.nominal
         cases, joints = [], []
         notes: list[str] = []
         for k, each in enumerate(found.first):
             if any(len(sample.closed) == 0 for sample in each.samples):
                 return None, ("at the file's pose no posture closes the chain",)
-            one = replace(self.run, setting=search.setting(k, x))
+            one = replace(self.run, setting=search.setting(k, xs[k]))
             measured, more = one.before(each)
             notes += more
             cases.append(Case(measured, search.weights[k]))
             joints.append(np.concatenate([np.array(q) for q in measured.posture.joints.values()]))
-        placed = Placed((x,) * len(cases), tuple(joints), 0.0)
+        placed = Placed(xs, tuple(joints), 0.0)
         return Placing(placed, tuple(cases)), tuple(dict.fromkeys(notes))
 
     def _answer(
@@ -166,13 +171,17 @@ class PlacedRun:
         names = search.case_names
         for k, each in enumerate(found.first):
             if any(len(sample.closed) == 0 for sample in each.samples):
-                setting = search.setting(k, search.nominal)
+                setting = search.setting(k, search.nominal[k])
                 joints, reason = misses(setting.cell, each.samples)
                 measured = self.run.machinery.measure(setting, joints)
                 in_case = f"in case {names[k]!r} " if names[k] else ""
                 return "infeasible", in_case + reason + wherever, measured
+        for k, each in enumerate(found.first):
+            if each.blocked:
+                one = replace(self.run, setting=search.setting(k, search.nominal[k]))
+                return "infeasible", one.blocked(each) + wherever, None
         if found.closed == 0:
-            one = replace(self.run, setting=search.setting(0, search.nominal))
+            one = replace(self.run, setting=search.setting(0, search.nominal[0]))
             _, beyond = one.within_limits(found.first[0])
             if beyond is not None:
                 return "infeasible", beyond + wherever, None

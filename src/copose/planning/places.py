@@ -125,25 +125,35 @@ class Places:
         )
         return ca.Function("fixed", [x, given], [residual, ca.jacobian(residual, x)])
 
-    def held_by_fixed(self, x: Array) -> Array | None:
-        """Free coordinates near x, (d,), at which the arms that are held hold the object."""
+    def held_by_fixed(self, cells: Sequence[Cell], xs: Sequence[Array]) -> tuple[Array, ...] | None:
+        """Free coordinates near those of each case, (d,), at which fixed arms hold the object."""
         from scipy.optimize import least_squares
 
-        given, low, high = self.freedom.numbers(self.cell), self.freedom.lower, self.freedom.upper
+        given = [self.freedom.numbers(cell) for cell in cells]
+        low, high = self.bounds
+        own = len(self.freedom.owned)
 
-        def residual(x: Array) -> Array:
-            return np.array(self._fixed(x, given)[0]).ravel()
+        def residual(free: Array) -> Array:
+            each = zip(self.parted(free), given, strict=True)
+            return np.concatenate([np.array(self._fixed(x, n)[0]).ravel() for x, n in each])
 
-        def slope(x: Array) -> Array:
-            return np.array(self._fixed(x, given)[1])
+        def slope(free: Array) -> Array:
+            rows = []
+            for k, (x, n) in enumerate(zip(self.parted(free), given, strict=True)):
+                mine = np.array(self._fixed(x, n)[1])
+                whole = np.zeros((len(mine), self.size))
+                whole[:, own * k : own * (k + 1)] = mine[:, :own]
+                whole[:, own * len(given) :] = mine[:, own:]
+                rows.append(whole)
+            return np.vstack(rows)
 
         end = least_squares(
             residual,
-            np.clip(x, low + 1e-9 * (high - low), high - 1e-9 * (high - low)),
+            np.clip(self.joined(xs), low + 1e-9 * (high - low), high - 1e-9 * (high - low)),
             jac=slope,
             bounds=(low, high), xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200,
         )  # fmt: skip
-        return np.asarray(end.x) if np.sqrt(2 * end.cost) <= _HELD else None
+        return tuple(self.parted(end.x)) if np.sqrt(2 * end.cost) <= _HELD else None
 
     @cached_property
     def pinned(self) -> Array:
@@ -151,11 +161,14 @@ class Places:
 
         A program must not have more equations than they can tell apart.
         """
-        held = [arm for arm in self.cell.arms if arm.fixed]
-        if not held:
+        if not any(arm.fixed for arm in self.cell.arms):
             return np.zeros((0, 0))
-        x = self.held_by_fixed(self.freedom.nominal)
-        at = self.freedom.nominal if x is None else x
-        slope = np.array(self._fixed(at, self.freedom.numbers(self.cell))[1])
-        U, values, _ = np.linalg.svd(slope, full_matrices=False)
+        cells = self.cell.cases
+        nominal = [self.freedom.nominal] * len(cells)
+        xs = self.held_by_fixed(cells, nominal) or nominal
+        slopes = [
+            np.array(self._fixed(x, self.freedom.numbers(cell))[1])
+            for x, cell in zip(xs, cells, strict=True)
+        ]
+        U, values, _ = np.linalg.svd(np.hstack(slopes), full_matrices=False)
         return np.asarray(U[:, values > 1e-8].T)

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from itertools import product
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -34,11 +35,19 @@ _DEAR, _GLANCED = 2, 3
 # placements around it, within such a part of the ranges.
 _INSIST = 3
 _FEW, _ROUNDS, _AROUND, _NEAR = 0.25, 4, 8, 0.1
-_OF_EACH = 2
+_OF_EACH, _ENDS = 2, 3
+# Cases of which all combinations of their best are told apart.
+_MULTIPLIED = 4
 # Runs of IPOPT from one start, the first of which wander, and how much nearer the next stays after
 # one that led astray, rad or m.
 _RUNS, _WANDER, _NEARER, _NO_ROOM = 12, 3, 0.3, 1e-6
-_SAME, _LOSS, _CLOSED = 1e-3, 1e-9, 1e-11
+_SAME, _UNLIKE, _LOSS = 1e-3, 0.3, 1e-9
+# How often a program is solved with what it has run into.
+_COLLISIONS = 4
+
+
+Everywhere: TypeAlias = tuple[Array, ...]
+"""The free coordinates of every case, (d,) each; the arms' are the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,13 +55,13 @@ class Placed:
     """Postures of all cases, with everything that is free.
 
     Attributes:
-        x: by case, its free coordinates, (d,); the arms' are the same.
+        x: where everything free is.
         q: by case, stacked joints, (N,).
         value: Σ weight · objective.
         count: how many starts ended here.
     """
 
-    x: tuple[Array, ...]
+    x: Everywhere
     q: tuple[Array, ...]
     value: float
     count: int = 1
@@ -101,10 +110,14 @@ class PlacementSearch:
         self._closed = self._polished = 0
 
     @property
-    def nominal(self) -> Array:
-        """Where the file has everything, clipped into the ranges, (d,), and held by fixed arms."""
-        x = self._freedom.nominal
-        return next(self._kept(x), x)
+    def nominal(self) -> Everywhere:
+        """Where the file has everything, clipped into the ranges, and held by fixed arms."""
+        xs = self._same(self._freedom.nominal)
+        return next(self._kept(xs), xs)
+
+    def _same(self, x: Array) -> Everywhere:
+        """The same free coordinates, (d,), in every case."""
+        return (x,) * len(self._cases)
 
     @property
     def case_names(self) -> tuple[str, ...]:
@@ -119,29 +132,29 @@ class PlacementSearch:
         """Search, polish, and search again where that ended."""
         first, starts = self._at(self.nominal, EFFORTS["normal"])
         tried = 1
-        for x in self._placements():
+        for xs in () if self._hopeless(first) else self._placements():
             self._progress("trying placements", min(0.6, 0.6 * tried / (2 * self._most)))
-            starts += self._at(x, self._glance)[1]
+            starts += self._at(xs, self._glance)[1]
             tried += 1
         starts.sort(key=lambda start: -start.value)
         best_sample = starts[0].value if starts else None
-        # What the file's pose gives is polished whatever it is worth.
         chosen = self._distinct(starts, _POLISHED[self._effort] // self._cost)
         ends = [self.polish(start) for start in chosen]
         for _ in range(_ROUNDS if ends else 0):
-            best = max(ends, key=lambda end: end.value)
             self._progress("polishing placements", 0.8)
-            x = best.x[0]
-            more = self._at(x, EFFORTS["normal"], best.x)[1][: _OF_EACH + 2]
-            tried += 1
+            best = self._gathered(ends)[: _ENDS if len(self._cases) > 1 else 1]
+            more = []
+            for end in best:
+                more += self._at(end.x, EFFORTS["normal"])[1]
+                tried += 1
             around = []
-            for near in self._around(x):
-                around += self._at(near, self._glance)[1][:1]
+            for xs in self._around(best[0].x):
+                around += self._at(xs, self._glance)[1][:1]
                 tried += 1
             around.sort(key=lambda start: -start.value)
             more += around[:_OF_EACH]
             ends += [self.polish(start) for start in self._unlike(more, ends)]
-            if not max(end.value for end in ends) > best.value + SAME_OBJECTIVE:
+            if not max(end.value for end in ends) > best[0].value + SAME_OBJECTIVE:
                 break
         return Placements(
             optima=tuple(self._gathered(ends)),
@@ -158,7 +171,7 @@ class PlacementSearch:
     def _most(self) -> int:
         """Placements that are searched."""
         one, most = _PLACEMENTS[self._effort]
-        return max(8, min(one * 2 ** (len(self._freedom) - 1), most) // self._cost)
+        return max(8, min(one << max(0, len(self._freedom) - 1), most) // self._cost)
 
     @property
     def _cost(self) -> int:
@@ -170,20 +183,28 @@ class PlacementSearch:
         polished = EFFORTS["low"].polished if self._machinery.smooth else _GLANCED
         return replace(EFFORTS["low"], polished=polished, insistence=0)
 
-    def _placements(self) -> Iterator[Array]:
+    def _hopeless(self, first: Sequence[Found]) -> bool:
+        """Whether an arm misses its grasp that nothing free could bring nearer."""
+        movable = {c.arm for c in self._freedom.coordinates}
+        return None not in movable and any(
+            len(sample.closed) == 0 and i not in movable
+            for found in first
+            for i, sample in enumerate(found.samples)
+        )
+
+    def _placements(self) -> Iterator[Everywhere]:
         """Placements over all ranges; more, where the arms can close, if they hardly ever do."""
-        drawn = self._drawn(_INSIST * self._most, 0)
-        for k, x in enumerate(drawn):
+        if not len(self._freedom):
+            return
+        for k, x in enumerate(self._drawn(_INSIST * self._most, 0)):
             if k >= self._most and self._closed > self._most // 2:
                 return
-            yield from self._kept(x)
+            yield from self._kept(self._same(x))
         if self._closed > _FEW * self._most:
             return
         rng = np.random.default_rng([self._seed, 7])
         for x in self._drawn(self._most, 1):
-            found = self._reached(x, rng)
-            if found is not None:
-                yield found
+            yield from self._reached(x, rng)
 
     def _drawn(self, count: int, turn: int) -> Array:
         """Evenly scattered over the ranges, (count, d)."""
@@ -194,47 +215,56 @@ class PlacementSearch:
         low, high = self._freedom.lower, self._freedom.upper
         return np.asarray(low + points[:count] * (high - low))
 
-    def _around(self, x: Array) -> Iterator[Array]:
+    def _around(self, xs: Everywhere) -> Iterator[Everywhere]:
         """Placements near one."""
+        if not len(self._freedom):
+            return
         rng = np.random.default_rng([self._seed, 9])
         low, high = self._freedom.lower, self._freedom.upper
-        for step in rng.uniform(-_NEAR, _NEAR, (_AROUND, len(x))):
-            yield from self._kept(np.clip(x + step * (high - low), low, high))
+        for step in rng.uniform(-_NEAR, _NEAR, (_AROUND, len(low))):
+            yield from self._kept(tuple(np.clip(x + step * (high - low), low, high) for x in xs))
 
-    def _kept(self, x: Array) -> Iterator[Array]:
-        """x, moved to where fixed arms hold the object; nothing where they cannot."""
-        if not any(arm.fixed for arm in self._cases[0].arms):
-            yield x
+    def _kept(self, xs: Everywhere) -> Iterator[Everywhere]:
+        """A placement, moved to where fixed arms hold the object; nothing where they cannot."""
+        if not any(arm.fixed for arm in self._cases[0].arms) or not len(self._freedom):
+            yield xs
             return
-        found = self._places.held_by_fixed(x)
+        found = self._places.held_by_fixed(self._cases, xs)
         if found is not None:
             yield found
 
-    def _at(
-        self, x: Array, effort: Effort, each: Sequence[Array] | None = None
-    ) -> tuple[tuple[Found, ...], list[Placed]]:
-        """What postures alone are worth with everything moved by x, or by one for each case."""
-        found = []
-        xs = [x] * len(self._cases) if each is None else each
+    def _at(self, xs: Everywhere, effort: Effort) -> tuple[tuple[Found, ...], list[Placed]]:
+        """What postures alone are worth with everything moved, best first."""
+        found: list[Found] = []
         for k, here in enumerate(xs):
             setting = self.setting(k, here)
             found.append(search(self._machinery, setting, self._seed, effort, _silent))
             if not found[-1].optima and effort.insistence == 0:
                 break
         self._searches += found
-        if not all(each.optima for each in found):
+        if len(found) < len(xs) or not all(each.optima for each in found):
             return tuple(found), []
         self._closed += 1
-        most = _OF_EACH + 2 if len(found) == 1 else 1
+        # What is best in one case alone need not be where all are served best: the best sums of
+        # what is among the best of every case start too.
+        counts = [range(min(len(each.optima), _OF_EACH + 2)) for each in found]
+        if len(found) <= _MULTIPLIED:
+            choices = list(product(*counts))
+        else:
+            best = (0,) * len(found)
+            choices = [best] + [
+                (*best[:k], j, *best[k + 1 :]) for k, some in enumerate(counts) for j in some[1:]
+            ]
         starts = []
-        for j in range(min(most, *(len(each.optima) for each in found), most)):
-            optima = [each.optima[j] for each in found]
+        for choice in choices:
+            optima = [each.optima[j] for each, j in zip(found, choice, strict=True)]
             value = sum(w * o.objective for w, o in zip(self.weights, optima, strict=True))
-            starts.append(Placed(tuple(xs), tuple(o.q for o in optima), float(value)))
-        return tuple(found), starts
+            starts.append(Placed(xs, tuple(o.q for o in optima), float(value)))
+        starts.sort(key=lambda start: -start.value)
+        return tuple(found), starts[: (_OF_EACH + 2) * len(found)]
 
-    def _reached(self, x: Array, rng: np.random.Generator) -> Array | None:
-        """A placement near x at which random postures of all arms close, in every case."""
+    def _reached(self, x: Array, rng: np.random.Generator) -> Iterator[Everywhere]:
+        """A placement near x, (d,), at which random postures of all arms close, in every case."""
         from scipy.optimize import least_squares
 
         cells, places = self._cases, self._places
@@ -270,10 +300,9 @@ class PlacementSearch:
             jac=slope,
             bounds=(low[moves], high[moves]), max_nfev=60, xtol=1e-14, ftol=1e-14, gtol=1e-14,
         )  # fmt: skip
-        if np.sqrt(2 * end.cost) > 1e-6:
-            return None
-        found = places.parted(completed(end.x)[len(start) - places.size :])
-        return next(self._kept(found[0]), None) if len(found) == 1 else found[0]
+        if np.sqrt(2 * end.cost) <= 1e-6:
+            found = places.parted(completed(end.x)[len(start) - places.size :])
+            yield from self._kept(tuple(found))
 
     def polish(self, start: Placed) -> Placed:
         """Climb over everything that is free; never to anything worse.
@@ -354,27 +383,56 @@ class PlacementSearch:
     def _solved(
         self, here: Placed, demands: list[tuple[Demand, ...]] | None, room: float
     ) -> LocalSolve | None:
-        machinery, freedom, given = self._machinery, self._freedom, []
-        low, high = [], []
-        for k, (x, q) in enumerate(zip(here.x, here.q, strict=True)):
-            setting = self.setting(k, x)
+        """One run of IPOPT over everything, with what it runs into kept apart."""
+        machinery, freedom = self._machinery, self._freedom
+        settings = [
+            machinery.calibrated(self.setting(k, x), q)
+            for k, (x, q) in enumerate(zip(here.x, here.q, strict=True))
+        ]
+        numbers, beside = [], []
+        for k, (setting, q) in enumerate(zip(settings, here.q, strict=True)):
             wanted = None if demands is None else [demands[k]]
-            numbers, beside = machinery.given(setting, q[None], wanted)
-            if not np.all(np.isfinite(beside)):
+            mine, more = machinery.given(setting, q[None], wanted)
+            if not np.all(np.isfinite(more)):
                 return None
-            mine = numbers[0]
-            if demands is not None:
-                mine = np.concatenate([mine, setting.placement.inertia])
-            place = freedom.numbers(self._cases[k])
-            given.append(Given(place, mine, beside[0], self.weights[k]))
-            lower, upper = setting.bounds
-            low.append(lower)
-            high.append(upper)
+            inertia = [setting.placement.inertia] if demands is not None else []
+            numbers.append(np.concatenate([*mine, *inertia]))
+            beside.append(more[0])
+        places = [freedom.numbers(cell) for cell in self._cases]
+        bounds = [setting.bounds for setting in settings]
         ends = self._places.bounds
         start = self._stacked(here)
-        lower = np.maximum(np.concatenate([*low, ends[0]]), start - room)
-        upper = np.minimum(np.concatenate([*high, ends[1]]), start + room)
-        return machinery.placing_program.solve(start, given, lower, upper)
+        lower = np.concatenate([*(low for low, _ in bounds), ends[0]])
+        upper = np.concatenate([*(high for _, high in bounds), ends[1]])
+        lower, upper = np.maximum(lower, start - room), np.minimum(upper, start + room)
+        near = [machinery.near(s, q) for s, q in zip(settings, here.q, strict=True)]
+        end = None
+        for _ in range(_COLLISIONS):
+            slots = machinery.slots(near)
+            given = [
+                Given(
+                    places[k],
+                    np.concatenate([numbers[k], machinery.capsules(settings[k], slots, near[k])]),
+                    beside[k],
+                    self.weights[k],
+                )
+                for k in range(len(settings))
+            ]
+            end = machinery.built(self._places, slots).solve(start, given, lower, upper)
+            if not end.converged:
+                return end
+            there = self._evaluated(end.q)
+            hits = []
+            for k, (x, q) in enumerate(zip(there.x, there.q, strict=True)):
+                moved = replace(self.setting(k, x), clearance=settings[k].clearance)
+                hits.append(machinery.runs_into(moved, q))
+            if all(hit is None for hit in hits):
+                return end
+            near = [
+                mine if hit is None else mine.joined(hit)
+                for mine, hit in zip(near, hits, strict=True)
+            ]
+        return None if end is None else replace(end, converged=False, status="Collision")
 
     def _apart(self, one: Placed, other: Placed) -> float:
         """How different two are: joints, rad or m, and free coordinates over their ranges."""
@@ -389,10 +447,16 @@ class PlacementSearch:
 
     def _distinct(self, starts: Sequence[Placed], most: int) -> list[Placed]:
         chosen: list[Placed] = []
+        taken: dict[int, int] = {}
         for start in starts:
             if len(chosen) == most:
                 break
-            if all(self._apart(start, other) > 0.3 for other in chosen):
+            # Starts of one placement tend to end alike.
+            here = id(start.x)
+            if taken.get(here, 0) < _OF_EACH and all(
+                self._apart(start, other) > _UNLIKE for other in chosen
+            ):
+                taken[here] = taken.get(here, 0) + 1
                 chosen.append(start)
         return chosen
 

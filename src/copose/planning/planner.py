@@ -255,22 +255,17 @@ def _silent(what: str, done: float) -> None:
 
 def _placed(cell: Cell, warm: Solution | Mapping[str, Sequence[float]]) -> Placed:
     """Where a result, or a posture at the file's pose, has everything that is free."""
-    cases, freedom = cell.cases, Freedom.of(cell.problem)
-    xs = [freedom.nominal] * len(cases)
-    joints: list[Mapping[str, Sequence[float]]] = []
+    cases, freedom, problem = cell.cases, Freedom.of(cell.problem), cell.problem
     if not isinstance(warm, Solution):
-        joints = [warm] * len(cases)
+        xs = [freedom.nominal] * len(cases)
+        joints: list[Mapping[str, Sequence[float]]] = [warm] * len(cases)
     else:
         postures = warm.cases if warm.cases is not None else (warm.after,)
-        if any(posture is None for posture in postures) or len(postures) != len(cases):
-            raise InputError("has no posture: its after is null", key="warm")
         joints = [posture.joints for posture in postures if posture is not None]
-        offsets = {record.name: record.after for record in warm.freedom}
-        for k, name in enumerate(freedom.names(cell.problem)):
-            for j, case in enumerate(cell.problem.cases or [None]):
-                value = offsets.get(name, offsets.get(f"{case.name}: {name}" if case else name))
-                if value is not None:
-                    xs[j] = np.where(np.arange(len(freedom)) == k, value, xs[j])
+        if len(joints) != len(cases):
+            raise InputError("has no posture: its after is null", key="warm")
+        names = [case.name for case in problem.cases] or [""]
+        xs = [freedom.stated(problem, warm, "after", name) for name in names]
     q = [np.concatenate(cell.given(each)) for each in joints]
     return Placed(tuple(xs), tuple(q), -np.inf)
 

@@ -12,6 +12,7 @@ import numpy as np
 from copose.capability import symmetric
 from copose.capability.contact_limits import WrenchBounds
 from copose.planning.cell import Cell
+from copose.planning.clearance import Apart
 from copose.planning.constraints import Constraint, closure_constraints, equality
 from copose.planning.hessian import differenced_hessian
 from copose.planning.limits_measures import LimitsMeasure
@@ -207,6 +208,7 @@ class PostureProgram:
         numbers: int,
         bounds: WrenchBounds | None = None,
         places: Places | None = None,
+        kept_apart: Apart | None = None,
     ) -> None:
         """Build the program of a cell.
 
@@ -216,12 +218,16 @@ class PostureProgram:
             numbers: how many parameters it has.
             bounds: on contact wrenches, where torque limits matter.
             places: where more than joints is free.
+            kept_apart: what may not touch.
         """
         self.objective, self._places = objective, places
         system = cell.system
         symbols = ca.SX.sym("numbers", numbers)
-        given = symbols
+        given, slots = symbols, ca.SX(0, 1)
         constraints = closure_constraints(system, None if places is None else places.pinned)
+        if kept_apart is not None:
+            slots = ca.SX.sym("capsules", kept_apart.numbers)
+            constraints = (*constraints, *kept_apart.constraints(system, slots))
         beside: list[ca.SX] = []
         if cell.problem.constraints.static_torque:
             assert bounds is not None and cell.torque_limits is not None
@@ -230,7 +236,8 @@ class PostureProgram:
 
         def task(extra: ca.SX, value: ca.SX, constraints: tuple[Constraint, ...]) -> _Task:
             variables = ca.vertcat(*beside, extra)
-            return _Task(system.q, variables, system.parameters, given, value, constraints)
+            numbers = ca.vertcat(given, slots)
+            return _Task(system.q, variables, system.parameters, numbers, value, constraints)
 
         self._gram: ca.Function | None = None
         self._smooth = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -12,13 +12,14 @@ import numpy as np
 from copose.planning.answering import answer
 from copose.planning.capacity import HELD
 from copose.planning.cell import Cell
-from copose.planning.climbing import LocalOptimum, Progress
+from copose.planning.climbing import Progress
 from copose.planning.closing import CLOSED, project
 from copose.planning.giving_way import heaviest
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.measuring import Measurement
 from copose.planning.missing import misses
 from copose.planning.notes import margin_notes
+from copose.planning.optima import LocalOptimum
 from copose.planning.search import (
     EFFORTS,
     Found,
@@ -43,6 +44,8 @@ EffortName: TypeAlias = Literal["low", "normal", "high"]
 CLOSURE_TOLERANCE = 1e-8
 _STANDS = 1e-6
 _NUDGES = 8
+# Solves that bring an optimum as near to bodies as they allow, and a relative gain that is none.
+_TIGHTENINGS, _TIGHT = 5, 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +89,17 @@ class Run:
                 timing=self.timing,
             )
         before, notes = self.before(found)
+        if found.blocked:
+            return answer(
+                cell,
+                objective,
+                status="infeasible",
+                reason=self.blocked(found),
+                notes=notes,
+                before=before,
+                search=self._record(found, self.seed, effort, None),
+                timing=self.timing,
+            )
         found, beyond = self.within_limits(found)
         if beyond is not None:
             return answer(
@@ -98,19 +112,20 @@ class Run:
                 search=self._record(found, self.seed, effort, None),
                 timing=self.timing,
             )
+        found = self._tightened(found)
         after, value = self._best(found, before)
         verification = None
         if verify and value is not None:
             verification, better = self._verified(effort, value)
             if better is not None:
-                found = better
+                found = self._tightened(better)
                 after, value = self._best(found, before)
         return answer(
             cell,
             objective,
             status="failed" if after is None else "solved",
             reason=self._why(found, before) if after is None else None,
-            notes=(*notes, *_verdict(verification)),
+            notes=(*notes, *self.overlap(after), *_verdict(verification)),
             before=before,
             after=after,
             search=self._record(
@@ -186,6 +201,31 @@ class Run:
         measured = self.machinery.measure(self.setting, joints)
         return measured, (*notes, *margin_notes(self.cell, joints))
 
+    def _tightened(self, found: Found) -> Found:
+        """A search whose best optimum comes as near to what is in its way as bodies allow.
+
+        Capsules stick out. Where those that stop it are less near than the bodies in them, they may
+        come nearer by that much; and farther apart, where an optimum turns out to come too near.
+        """
+        machinery, setting = self.machinery, self.setting
+        if setting.clearance is None or not found.optima:
+            return found
+        best, start = None, found.optima[0]
+        for _ in range(_TIGHTENINGS):
+            fits = machinery.exactly(setting, start.q)
+            gain = np.inf if best is None else start.objective - best.objective
+            if fits and gain > 0:
+                best = start
+            if fits and gain <= _TIGHT * max(1.0, abs(start.objective)):
+                break
+            ends = list(machinery.solve_programs(setting, start.q[None]))
+            if not ends[0].converged:
+                break
+            value = machinery.objectives(setting, ends[0].q[None])[0]
+            start = LocalOptimum(ends[0].q, float(value), 1)
+        rest = found.optima[1:]
+        return replace(found, optima=rest if best is None else (best, *rest))
+
     def _best(
         self, found: Found, before: Measurement | None
     ) -> tuple[Measurement | None, float | None]:
@@ -201,6 +241,7 @@ class Run:
                 and max(measured.posture.closure_error.values()) <= CLOSURE_TOLERANCE
                 and abs(measured.value - optimum.objective) <= 1e-6 * max(1.0, abs(measured.value))
                 and self.held(measured)
+                and self.apart(measured)
             ):
                 best = measured
                 break
@@ -237,12 +278,40 @@ class Run:
         shares = measured.posture.static_torque
         return shares is not None and max(map(max, shares.values())) <= 1 + HELD
 
+    def apart(self, measured: Measurement) -> bool:
+        """Whether everything keeps the clearance, where it must."""
+        found = measured.posture.collision
+        clearance = self.cell.problem.constraints.clearance
+        return self.machinery.clearance is None or found is None or found.distance >= clearance
+
+    def overlap(self, measured: Measurement | None) -> tuple[str, ...]:
+        """A note where bodies of an answer overlap that nothing keeps apart, or on their shapes."""
+        clearance = self.machinery.clearance
+        if clearance is not None:
+            return clearance.scene.notes
+        if measured is None:
+            return ()
+        joints = [np.array(q) for q in measured.posture.joints.values()]
+        return self.machinery.overlap(self.cell, joints)
+
+    def blocked(self, found: Found) -> str:
+        """What is too near in every posture, and by how much at best."""
+        assert self.machinery.clearance is not None
+        texts = [self.machinery.clearance.told(near) for near in found.blocked]
+        return "no posture keeps the clearance: " + "; ".join(texts)
+
     def allowed(self, measured: Measurement) -> bool:
         """Whether a posture keeps limits and margins, and holds the object where it must."""
         joints = measured.posture.joints
-        return self.held(measured) and all(
-            np.all((np.array(joints[arm.name]) >= low) & (np.array(joints[arm.name]) <= high))
-            for arm, low, high in zip(self.cell.arms, self.cell.lower, self.cell.upper, strict=True)
+        return (
+            self.held(measured)
+            and self.apart(measured)
+            and all(
+                np.all((np.array(joints[arm.name]) >= low) & (np.array(joints[arm.name]) <= high))
+                for arm, low, high in zip(
+                    self.cell.arms, self.cell.lower, self.cell.upper, strict=True
+                )
+            )
         )
 
     def _verified(

@@ -6,7 +6,7 @@ arm alone. So each posture of an arm is evaluated once, and arms meet only in su
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -16,12 +16,15 @@ from copose.capability import HoldingTorque, symmetric, upper_triangle
 from copose.kernels import Kernel
 from copose.planning.cell import Cell
 from copose.planning.objectives import EllipsoidMeasure, Objective
-from copose.poses import Array, Indices
+from copose.poses import Array, Indices, Mask
 
 # Rows of a table of pairs that are evaluated at once are chosen to stay within a cache.
 _AT_ONCE = 8192
 _SWEEPS = 12
 _UNHELD = 1e9
+# Entries of a table that are asked for at a time whether they are allowed, and at most; and how
+# many that stand out are enough.
+_LOOKED_AT, _MOST_LOOKED_AT, _STANDING_OUT = 512, 16384, 256
 
 
 class Score:
@@ -88,6 +91,7 @@ def screen(
     neighbours: Sequence[Indices],
     rng: np.random.Generator,
     starts: int,
+    allowed: Callable[[Indices], Mask] | None = None,
 ) -> Screened:
     """The locally best combinations of the arms' postures.
 
@@ -101,10 +105,14 @@ def screen(
         neighbours: by arm, indices of the postures next to each, (count_i, k).
         rng: draws the combinations to start from.
         starts: how many of them.
+        allowed: says of combinations, (count, K), which are; None where all are.
     """
     if len(terms) > 2:
-        return _exchanged(score, given, terms, rng, starts)
+        found = _exchanged(score, given, terms, rng, starts)
+        return found if allowed is None else _sifted(found, allowed)
     table = _table(score, given, terms)
+    if allowed is not None:
+        return _standing_out(table, neighbours, allowed)
     best = np.isfinite(table)
     for axis, near in enumerate(neighbours):
         along = np.moveaxis(table, axis, 0)
@@ -112,6 +120,43 @@ def screen(
             best &= np.moveaxis(~(along < along[column]), 0, axis)
     chosen = np.argwhere(best)
     return _ranked(chosen, table[best], table.size)
+
+
+def _standing_out(
+    table: Array, neighbours: Sequence[Indices], allowed: Callable[[Indices], Mask]
+) -> Screened:
+    """The best allowed entries that no allowed neighbour exceeds.
+
+    In descending order: what may exceed an entry has been looked at before it. What is not looked
+    at until enough stand out is worth less than these.
+    """
+    usable = np.flatnonzero(np.isfinite(table.ravel()) & (table.ravel() > -_UNHELD))
+    order = usable[np.argsort(-table.ravel()[usable], kind="stable")]
+    found = np.zeros(table.shape, dtype=bool)
+    chosen: list[Indices] = []
+    for first in range(0, min(len(order), _MOST_LOOKED_AT), _LOOKED_AT):
+        entries = np.column_stack(np.unravel_index(order[first : first + _LOOKED_AT], table.shape))
+        entries = entries[allowed(entries)]
+        found[tuple(entries.T)] = True
+        worth = table[tuple(entries.T)]
+        best = np.ones(len(entries), dtype=bool)
+        for axis, near in enumerate(neighbours):
+            for column in near[entries[:, axis]].T:
+                other = entries.copy()
+                other[:, axis] = column
+                best &= ~(found[tuple(other.T)] & (table[tuple(other.T)] > worth))
+        chosen.append(entries[best])
+        if sum(map(len, chosen)) >= _STANDING_OUT:
+            break
+    every = np.vstack([np.zeros((0, table.ndim), dtype=np.intp), *chosen])
+    return Screened(every, table[tuple(every.T)], table.size)
+
+
+def _sifted(screened: Screened, allowed: Callable[[Indices], Mask]) -> Screened:
+    """Those combinations that are allowed."""
+    some = screened.chosen[:_MOST_LOOKED_AT]
+    fine = allowed(some)
+    return Screened(some[fine], screened.scores[:_MOST_LOOKED_AT][fine], screened.combinations)
 
 
 def _table(score: Score, given: Array, terms: Sequence[Array]) -> Array:

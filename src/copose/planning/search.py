@@ -8,13 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from copose.planning.cell import Cell
-from copose.planning.climbing import SAME_OBJECTIVE, Climbs, LocalOptimum, Progress, gathered
+from copose.planning.clearance import Near
+from copose.planning.climbing import SAME_OBJECTIVE, Climbs, Progress, gathered
 from copose.planning.judging import judged
 from copose.planning.machinery import Machinery, Setting
+from copose.planning.optima import LocalOptimum
 from copose.planning.program import LocalSolve
 from copose.planning.screening import Screened, screen
 from copose.planning.self_motion import ArmSample, ArmSampler, held_sample
-from copose.poses import Array, Indices
+from copose.poses import Array, Indices, Mask
 
 _APART = 0.3
 # Degrees of freedom to spare, of all arms, up to which the full number of starts is polished; and
@@ -25,6 +27,8 @@ _AMONG = 64
 # Where torque limits decide, and a climb is not dear, more may be polished: gains differ where a
 # sample is beside a kink.
 _UNLIKE = 2
+# So many times fewer where bodies are in the way of what linear programs judge.
+_BLOCKED = 3
 # Best ends of which all pairs can be judged by linear programs.
 _RECOMBINED = 16
 
@@ -101,6 +105,7 @@ class Found:
         starts: combinations that were polished.
         optima: distinct local optima, best first.
         failures: how polishing failed, and how often.
+        blocked: what comes too near in all postures of an arm.
     """
 
     samples: tuple[ArmSample, ...]
@@ -109,6 +114,7 @@ class Found:
     starts: int = 0
     optima: tuple[LocalOptimum, ...] = ()
     failures: tuple[LocalSolve, ...] = ()
+    blocked: tuple[Near, ...] = ()
 
 
 def search(
@@ -137,10 +143,51 @@ def search(
         samples.append(sampler.sample(rng, effort.batch, effort.batches, most, effort.insistence))
     if any(len(sample.closed) == 0 for sample in samples):
         return Found(tuple(samples))
-    progress("comparing postures", 0.5)
-    rng = np.random.default_rng([seed, K])
     postures = [sample.closed for sample in samples]
     near = [sample.neighbours for sample in samples]
+    blind = replace(setting, clearance=None)
+    found = _compared(machinery, blind, samples, postures, near, seed, effort, progress)
+    if setting.clearance is None:
+        return found
+    # What bodies in the way leave is worth no more than what there is without them.
+    known = machinery.first_apart(setting, found.optima)
+    if known is not None and known is found.optima[0]:
+        return replace(found, optima=(known,))
+    postures, near, blocked = _cleared(machinery, setting, postures, near)
+    optima = () if known is None else (known,)
+    if blocked:
+        return replace(found, optima=optima, blocked=() if optima else tuple(blocked))
+    return _compared(machinery, setting, samples, postures, near, seed, effort, progress, optima)
+
+
+def _compared(
+    machinery: Machinery,
+    setting: Setting,
+    samples: Sequence[ArmSample],
+    postures: list[Array],
+    near: list[Indices],
+    seed: int,
+    effort: Effort,
+    progress: Progress,
+    optima: Sequence[LocalOptimum] = (),
+) -> Found:
+    """Combine the arms' postures, polish the best, and combine anew.
+
+    Args:
+        machinery: what is built.
+        setting: where the object is.
+        samples: of the arms.
+        postures: of them, by arm, those that count.
+        near: indices of the postures next to each, by arm.
+        seed: of everything that is drawn.
+        effort: how much is tried.
+        progress: is told.
+        optima: that are known already.
+    """
+    cell = setting.cell
+    K = len(cell.arms)
+    progress("comparing postures", 0.5)
+    rng = np.random.default_rng([seed, K])
     screened = _screened(machinery, setting, postures, near, rng, effort.starts)
     # A step in many dimensions takes many evaluations.
     spare = sum(max(0, kernels.n - kernels.m) for kernels in machinery.arms)
@@ -150,13 +197,14 @@ def search(
     screened = judged(machinery, setting, postures, near, screened, most)
     starts, scores = _distinct(cell, postures, screened, most)
     polished = Climbs(machinery, setting, progress, effort.polished)
+    polished.ends += optima
     polished.add_promising(starts, scores)
     if spare > K and len(starts) and not machinery.dear:
         counts = [len(mine) for mine in postures]
         drawn = rng.integers(0, counts, (int(effort.blind * min(1.0, _PLAIN / spare)), K))
-        picked = [mine[k] for mine, k in zip(postures, drawn.T, strict=True)]
-        polished.add(np.hstack(picked))
-    combinations = screened.combinations
+        picked = np.hstack([mine[k] for mine, k in zip(postures, drawn.T, strict=True)])
+        polished.add(picked[machinery.clear(setting, picked)])
+    combinations, postures_of = screened.combinations, postures
     dense = K <= 2 and all(kernels.n - kernels.m <= 1 for kernels in machinery.arms)
     # Where another score has compared them the best pair may have looked like many.
     dense = dense and machinery.newton
@@ -169,8 +217,12 @@ def search(
         postures = polished.postures(_RECOMBINED if few else 2 * most)
         for i, kernels in enumerate(() if few else machinery.arms):
             if K > 1 and kernels.n > kernels.m:
-                found = polished.responses(i, samples[i].closed, most)
+                found = polished.responses(i, postures_of[i], most)
                 postures[i] = np.vstack([postures[i], found])
+        if setting.clearance is not None:
+            postures = [_clear_alone(machinery, setting, i, p) for i, p in enumerate(postures)]
+            if not all(map(len, postures)):
+                break
         near = [np.zeros((len(mine), 0), dtype=np.intp) for mine in postures]
         screened = _screened(machinery, setting, postures, near, rng, effort.starts)
         combinations += screened.combinations
@@ -182,6 +234,14 @@ def search(
         polished.add(polished.unknown(again))
         if not polished.best > before + SAME_OBJECTIVE:
             break
+    if setting.clearance is not None:
+        # Where bodies are in the way a climb may fail: a sample that keeps clear stands in for it.
+        for start, value in zip(starts, machinery.objectives(setting, starts), strict=True):
+            if value <= polished.best:
+                break
+            if machinery.exactly(setting, start):
+                polished.ends.append(LocalOptimum(start, float(value), 1))
+                break
     return Found(
         samples=tuple(samples),
         combinations=combinations,
@@ -220,10 +280,63 @@ def _screened(
     starts: int,
 ) -> Screened:
     terms = [machinery.terms(setting, i, mine) for i, mine in enumerate(postures)]
+    allowed = None
+    clearance = setting.clearance
+    if clearance is not None:
+        alone = [
+            clearance.placed(setting.cell, [mine if j == i else None for j in range(len(postures))])
+            for i, mine in enumerate(postures)
+        ]
+
+        def allowed(chosen: Indices) -> Mask:
+            """Whether arms that keep clear alone keep clear of each other."""
+            clear = np.ones(len(chosen), dtype=bool)
+            near = clearance.among(clearance.combined(alone, chosen), clearance.shared, 0.0)
+            clear[near.rows] = False
+            return clear
+
     if machinery.static:
         # A combination that cannot be held may stand above a neighbour that can.
         neighbours = [near[:, :0] for near in neighbours]
-    return screen(machinery.score, setting.given, terms, neighbours, rng, starts)
+    return screen(machinery.score, setting.given, terms, neighbours, rng, starts, allowed)
+
+
+def _clear_alone(machinery: Machinery, setting: Setting, i: int, q: Array) -> Array:
+    """Those postures of arm i, (count, n), that keep clear of all but the other arms."""
+    clearance = setting.clearance
+    assert clearance is not None
+    alone = [q if j == i else None for j in range(len(machinery.arms))]
+    return np.asarray(q[clearance.clear(setting.cell, alone, clearance.own(i))])
+
+
+def _cleared(
+    machinery: Machinery, setting: Setting, postures: list[Array], neighbours: list[Indices]
+) -> tuple[list[Array], list[Indices], list[Near]]:
+    """Postures of each arm that keep clear of itself and of what stands still; and where none of
+    an arm's does, or the object itself is in the way, what comes too near.
+    """
+    clearance, cell = setting.clearance, setting.cell
+    assert clearance is not None
+    nothing: list[Array | None] = [None] * len(postures)
+    clearance.loosen(cell, nothing, clearance.still)
+    hit = clearance.near(cell, nothing, clearance.still, 0.0)
+    blocked = [hit] if len(hit.rows) else []
+    kept, near = [], []
+    for i, mine in enumerate(postures):
+        alone = [mine if j == i else None for j in range(len(postures))]
+        clearance.loosen(cell, alone, clearance.own(i))
+        hit = clearance.near(cell, alone, clearance.own(i), 0.0)
+        clear = np.ones(len(mine), dtype=bool)
+        clear[hit.rows] = False
+        if not clear.any():
+            blocked.append(hit)
+        number = np.cumsum(clear) - 1
+        # A neighbour that is gone is none: a posture beside itself changes nothing.
+        others = neighbours[i][clear]
+        own = np.flatnonzero(clear)[:, None]
+        near.append(number[np.where(clear[others], others, own)])
+        kept.append(mine[clear])
+    return kept, near, blocked
 
 
 def _distinct(

@@ -7,6 +7,7 @@ from itertools import zip_longest
 
 from rich.table import Table
 
+from copose.report import style
 from copose.results import Solution
 
 
@@ -21,9 +22,9 @@ def plain_table(*titles: str) -> Table:
 def compared_table(solution: Solution, title: str) -> Table:
     """A column for each posture, between names and words."""
     table = plain_table(title)
-    if solution.before is not None:
+    if style.compared(solution):
         table.add_column("before", justify="right")
-    table.add_column("after" if solution.before is not None else "posture", justify="right")
+    table.add_column(style.now(solution), justify="right")
     table.add_column("")
     return table
 

@@ -10,7 +10,6 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.patches import Patch
-from matplotlib.transforms import ScaledTranslation
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from copose.capability import Ellipsoid
@@ -18,6 +17,7 @@ from copose.poses import Array
 from copose.problem import SPACES
 from copose.report import style
 from copose.report.frames import frame, roomy, view_axes
+from copose.report.legends import legend_below
 from copose.report.slices import Slice
 from copose.report.solids import Solid
 from copose.report.style import Panel
@@ -148,17 +148,6 @@ def draw_set(figure: Figure, place: SubplotSpec, picture: SetPicture, columns: i
             handles = [*(Patch(color=patches[key]) for key in shown), *handles]
             labels = [*(_LABELS[key] for key in shown), *labels]
         legend_below(ax, handles, labels, columns=columns, points=8 if picture.solid else 36)
-
-
-def legend_below(
-    ax: Any, handles: list[Any], labels: list[str], *, columns: int, points: float
-) -> None:
-    """A legend so many points under axes, flush with their right where they are flat."""
-    down = ScaledTranslation(0, -points / 72, ax.get_figure().dpi_scale_trans)
-    place, x = ("upper center", 0.5) if ax.name == "3d" else ("upper right", 1.0)
-    ax.legend(handles, labels, loc=place, bbox_to_anchor=(x, 0), ncols=columns,
-              bbox_transform=ax.transAxes + down, frameon=False, fontsize=9, columnspacing=1.0,
-              handlelength=1.4, handletextpad=0.5, borderaxespad=0)  # fmt: skip
 
 
 def _interval(ax: Any, picture: SetPicture) -> None:

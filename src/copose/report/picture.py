@@ -12,6 +12,7 @@ from copose.errors import InputError
 from copose.problem import SPACES
 from copose.report import style
 from copose.report.comparing import Comparison
+from copose.report.rows import Row, case_rows, result_row
 from copose.results import Solution, write_file
 
 FORMATS = (".png", ".pdf", ".svg")
@@ -36,12 +37,15 @@ def picture(solution: Solution, kind: str) -> bytes:
         solution: with at least one posture.
         kind: png, pdf or svg.
     """
-    return _rendered(style.panels(solution), style.heading(solution), kind)
+    heading = style.heading(solution)
+    return _rendered(style.panels(solution), case_rows(solution), heading, kind)
 
 
-def _rendered(panels: list[style.Panel], heading: str, kind: str) -> bytes:
+def _rendered(panels: list[style.Panel], rows: list[Row], heading: str, kind: str) -> bytes:
+    """The rows where there are some, else the panels."""
     import matplotlib
 
+    from copose.report.cases import cases_figure
     from copose.report.planar import planar_figure
     from copose.report.spatial import spatial_figure
 
@@ -52,8 +56,12 @@ def _rendered(panels: list[style.Panel], heading: str, kind: str) -> bytes:
     with matplotlib.rc_context(style.RC), warnings.catch_warnings():
         # A name in a script that the font lacks is drawn as boxes; that is all there is to say.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        planar = SPACES[panels[0].solution.problem.space].planar
-        figure = planar_figure(panels, heading) if planar else spatial_figure(panels, heading)
+        if rows:
+            figure = cases_figure(rows, heading)
+        elif SPACES[panels[0].solution.problem.space].planar:
+            figure = planar_figure(panels, heading)
+        else:
+            figure = spatial_figure(panels, heading)
         sink = io.BytesIO()
         figure.savefig(sink, format=kind, dpi=120, facecolor="white", metadata=metadata)
     return sink.getvalue()
@@ -67,7 +75,7 @@ def draw(solution: Solution, path: str | Path) -> None:
     """
     file = Path(path)
     check_format(file)
-    if not style.panels(solution):
+    if not style.panels(solution) and not case_rows(solution):
         raise InputError(f"no posture to draw: {solution.reason}")
     write_file(file, picture(solution, file.suffix.lower()[1:]))
 
@@ -80,13 +88,21 @@ def draw_comparison(comparison: Comparison, path: str | Path) -> None:
     """
     file = Path(path)
     check_format(file)
-    parts = zip(comparison.names, comparison.postures, comparison.solutions, strict=True)
-    panels = [style.Panel(*part) for part in parts]
     names = dict.fromkeys(solution.problem.name for solution in comparison.solutions)
     heading = " and ".join(style.short(name, 40) for name in names)
-    if comparison.same_unit:
+    overlaid = comparison.same_unit and not comparison.cases
+    if not comparison.same_unit:
+        heading += " (torques scaled differently: each at its own scale"
+        heading += ")" if comparison.cases else ", not overlaid)"
+    rows: list[Row] = []
+    panels: list[style.Panel] = []
+    both = zip(comparison.names, comparison.solutions, comparison.postures, strict=True)
+    for name, solution, posture in both:
+        if comparison.cases:
+            rows.append(result_row(name, solution))
+        elif posture is not None:
+            panels.append(style.Panel(name, posture, solution))
+    if overlaid:
         one, other = panels
         panels = [replace(one, other=other), replace(other, other=one)]
-    else:
-        heading += " (torques scaled differently: each at its own scale, not overlaid)"
-    write_file(file, _rendered(panels, heading, file.suffix.lower()[1:]))
+    write_file(file, _rendered(panels, rows, heading, file.suffix.lower()[1:]))

@@ -10,17 +10,22 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from copose.results import Posture, Solution
+from copose.results import CasePosture, Posture, Solution
 
 SYSTEM = "#D55E00"
 ANGULAR = "#8B3A8B"
 ARMS = ("#0072B2", "#009E73", "#E69F00", "#56B4E9", "#666666", "#CC79A7", "#999933", "#332288")
 MISS = "nearest miss"
+NOWHERE = "no posture closes at the file's pose"
 OBJECT = "#BBBBBB"
 INK = "#222222"
 BEFORE = "#9A9A9A"
 EXACT = "#5F7F9F"
 OVER = "#C00000"
+OBSTACLE = "#6E6E6E"
+
+# Lines of what may be moved, within its range.
+DASHES = (0, (2.2, 1.3))
 
 RC: Any = {
     "font.size": 11,
@@ -65,12 +70,14 @@ class Panel:
         posture: what is drawn.
         solution: whose it is.
         other: a panel whose ellipsoid is drawn as an outline over this one's.
+        note: what is to be said of it.
     """
 
     name: str
     posture: Posture
     solution: Solution
     other: Panel | None = None
+    note: str = ""
 
 
 def scales(panels: list[Panel], longest: list[float], length: float) -> list[float] | None:
@@ -100,13 +107,25 @@ def scales(panels: list[Panel], longest: list[float], length: float) -> list[flo
 def panels(solution: Solution) -> list[Panel]:
     """The postures of a result, with what they are called."""
     if solution.before is None and solution.after is not None:
-        return [Panel("posture", solution.after, solution)]
+        name = now(solution)
+        return [Panel(name, solution.after, solution, note=NOWHERE if name == "after" else "")]
     named = (
         ("before", solution.before),
         ("after", solution.after),
         (MISS, solution.nearest_miss),
     )
     return [Panel(name, posture, solution) for name, posture in named if posture is not None]
+
+
+def compared(solution: Solution) -> bool:
+    """Whether a result has a before."""
+    return solution.before is not None or bool(solution.cases_before)
+
+
+def now(solution: Solution) -> str:
+    """What a result's answer is called: one that was neither searched nor moved is a posture."""
+    placed = solution.search is not None and (solution.freedom or solution.cases)
+    return "after" if compared(solution) or placed else "posture"
 
 
 def measure_word(solution: Solution) -> str:
@@ -135,6 +154,8 @@ def value_words(solution: Solution, posture: Posture) -> str:
     """A posture's objective where it is not the volume, else its log-volume."""
     objective = solution.objective
     value = objective.before if posture is solution.before else objective.after
+    if isinstance(posture, CasePosture):
+        value = posture.objective
     if value is None and objective.kind in LIMITED:
         return f"no {objective_name(solution)}"
     if objective.kind == "volume" or value is None:
@@ -170,19 +191,6 @@ def short(name: str, most: int = 20) -> str:
     return name if len(name) <= most else name[: most - 1] + "…"
 
 
-def keys(arms: Iterable[str], *more: str) -> list[str]:
-    """The entries of a picture's legend."""
-    return [f"arm {short(name)}" for name in arms] + list(more)
-
-
-def legend_grid(entries: list[str], inches: float) -> tuple[int, int]:
-    """Columns and rows in which a legend's entries fit into so many inches."""
-    # A letter takes about a twelfth of an inch at the size that legends are set in.
-    widest = max(0.6 + len(entry) / 12 for entry in entries)
-    columns = max(1, min(len(entries), int(inches / widest)))
-    return columns, -(-len(entries) // columns)
-
-
 def gain_words(solution: Solution) -> str:
     """A gain in plain words: ``volume ×2.3``; empty where there is none to tell."""
     volume = measure_word(solution)
@@ -195,12 +203,26 @@ def gain_words(solution: Solution) -> str:
         "force-volume": f"force {volume}",
     }.get(solution.objective.kind, objective_name(solution))
     found = gain(solution)
-    return f"{word} {found}" if found else ""
+    weights = [case.weight for case in solution.cases or ()]
+    mean = "average" if len(set(weights)) == 1 else "weighted average"
+    over = f" on {mean} over {len(weights)} cases" if len(weights) > 1 else ""
+    return f"{word} {found}{over}" if found else ""
 
 
 def gain(solution: Solution) -> str:
-    """A gain as a ratio, ``×2.3``; from 0 or a negative value as a difference, ``+59 m/s²``."""
-    before, after = solution.objective.before, solution.objective.after
+    """A gain as a ratio, ``×2.3``; from 0 or a negative value as a difference, ``+59 m/s²``.
+
+    With cases that of their weighted mean.
+    """
+    weight = sum(case.weight for case in solution.cases or ()) or 1.0
+    objective = solution.objective
+    if objective.before is None or objective.after is None:
+        return ""
+    return gain_between(solution, objective.before / weight, objective.after / weight)
+
+
+def gain_between(solution: Solution, before: float | None, after: float | None) -> str:
+    """The gain from one value of a result's objective to another; empty where one is missing."""
     if before is None or after is None:
         return ""
     if solution.objective.unit == "log":
@@ -208,6 +230,11 @@ def gain(solution: Solution) -> str:
     if before > 0 and after > 0:
         return f"×{after / before:.3g}"
     return f"{after - before:+.3g} {objective_unit(solution)}".rstrip()
+
+
+def six(value: float | None) -> str:
+    """Six decimal places; – where there is no number."""
+    return "–" if value is None else f"{value:.6f}"
 
 
 def numbers(values: tuple[float, ...]) -> str:

@@ -13,6 +13,7 @@ from copose.problem import SPACES
 from copose.report import style
 from copose.report.columns import compared_table, plain_table
 from copose.report.limits import limit_rows, limit_tables
+from copose.report.placement import case_tables, distance_rows, free_tables, placement_lines
 from copose.report.slices import angular_slice, linear_slice, semi_axes
 from copose.results import Solution
 from copose.robots import Arm
@@ -28,7 +29,9 @@ def solution_table(solution: Solution) -> RenderableType:
     parts.append(_heading(solution.problem.name, ": ".join(map(str, said))))
     if solution.after is not None:
         parts += [_numbers(solution), _volumes(solution)]
-        parts += [*limit_tables(solution), _joints(solution)]
+        parts += [*limit_tables(solution), _joints(solution), *free_tables(solution)]
+    elif solution.cases:
+        parts += [*case_tables(solution), *free_tables(solution)]
     parts.append(Text(_evidence(solution)))
     parts += _notes(solution.notes)
     return Group(*parts)
@@ -54,7 +57,8 @@ def _numbers(solution: Solution) -> Table:
     objective, unit = solution.objective, style.objective_unit(solution)
     gained = ", ".join(filter(None, (unit, style.gain(solution))))
     said = gained if unit else style.gain_words(solution)
-    row(style.objective_name(solution), _value(objective.before), _value(objective.after), said)
+    values = style.six(objective.before), style.six(objective.after)
+    row(style.objective_name(solution), *values, said)
     before = solution.before
     axes = solution.problem.axes
     titles = ("linear semi-axes", "angular semi-axes")
@@ -73,6 +77,8 @@ def _numbers(solution: Solution) -> Table:
     errors = [p.closure_error for p in (solution.before, after) if p is not None]
     closure = [f"{max(error.values()):.1e}" for error in errors]
     row("closure error", closure[0], closure[-1], "m, rad" if space.rigid else "m")
+    for distance in distance_rows([solution.before] if solution.before else [], [after]):
+        row(*distance)
     return table
 
 
@@ -82,22 +88,18 @@ def _volumes(solution: Solution) -> Table:
     after, before = solution.after, solution.before
     assert after is not None
     for name, volume in after.log_volumes.items():
-        values = [_value(volume)]
+        values = [style.six(volume)]
         if before is not None:
-            values.insert(0, _value(before.log_volumes.get(name)))
+            values.insert(0, style.six(before.log_volumes.get(name)))
         table.add_row(name, *values, RESOLUTIONS[name].assumes)
     return table
-
-
-def _value(value: float | None) -> str:
-    return "–" if value is None else f"{value:.6f}"
 
 
 def _joints(solution: Solution) -> Table:
     after = solution.after
     assert after is not None
     table = plain_table(
-        "arm", "joints after, rad or m" if solution.before is not None else "joints"
+        "arm", "joints after, rad or m" if style.now(solution) == "after" else "joints"
     )
     for name, positions in after.joints.items():
         table.add_row(Text(name), " ".join(f"{position:.4f}" for position in positions))
@@ -110,8 +112,11 @@ def _evidence(solution: Solution) -> str:
     lines = [
         f"built in {timing.build_s:.2f} s, searched {timing.search_s:.2f} s ({timing.kernels})"
     ]
-    if search is None or not search.local_optima:
+    if search is None:
         return lines[0]
+    placements = placement_lines(search)
+    if not search.local_optima:
+        return "\n".join([*placements, *lines])
     best = search.local_optima
     listed = [f"{o.objective:.6f}" + (f" ×{o.count}" if o.count > 1 else "") for o in best]
     if len(listed) > _OPTIMA:
@@ -135,7 +140,7 @@ def _evidence(solution: Solution) -> str:
         lines.insert(
             -1, f"the answer {verdict}: seed {again.seed} with twice the effort found {value}"
         )
-    return "\n".join(lines)
+    return "\n".join([*placements, *lines])
 
 
 def _counted(count: int, one: str, many: str | None = None) -> str:

@@ -2,7 +2,7 @@
 
 from copose.results.files import read_solution, to_json, write_file
 from copose.results.limits import AccelerationRecord, ExactSetRecord, WrenchRecord
-from copose.results.records import CompanionRecord, EllipsoidRecord, matrix, vector
+from copose.results.records import CompanionRecord, EllipsoidRecord, Matrix, matrix, vector
 from copose.results.solution import (
     ArmRecord,
     CasePosture,
@@ -33,6 +33,7 @@ __all__ = [
     "ExactSetRecord",
     "FailureRecord",
     "FreeRecord",
+    "Matrix",
     "ObjectiveRecord",
     "Optimum",
     "PlacementRecord",

@@ -1,0 +1,178 @@
+"""Answers that keep clear: are they clear, as good as a dense sample has it, and what do they cost?
+
+    python benchmarks/collision.py [--problems 10] [--output FILE]
+
+Random cells of two Pandas and of two xArm7 with obstacles in their way. Of pairs of closed postures,
+drawn and closed without copose, the best counts that keeps 4 cm more than the clearance, measured on
+the original meshes. The time is that of a search with collision over that without, in one run.
+Writes a page of Markdown.
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cases import Case, case
+from sampling import closed_postures, spread_out
+from truth import Array, Truth
+
+import copose
+from copose.collision import Scene, carrier_poses
+from copose.robots import load_arms
+
+HERE = Path(__file__).parent
+CLEARANCE, BEYOND = 0.01, 0.04
+DRAWN, DENSE, LOOKED_AT = 4096, 200, 4000
+REPEATS = 5
+
+
+def random_cell(robot: str, seed: int) -> Case:
+    """Two arms, an object about where the shipped problem has it, and obstacles among them."""
+    rng = np.random.default_rng([seed, len(robot)])
+    name = {"panda": "two-panda-box", "xarm7": "xarm-bar"}[robot]
+    tables = copy.deepcopy(dict(case(name).tables))
+    thing = tables["object"]
+    thing["position"] = [*(np.array(thing["position"]) + rng.uniform(-0.08, 0.08, 3))]
+    thing["rpy"] = [0.0, 0.0, rng.uniform(-0.3, 0.3)]
+    tables["obstacles"] = [obstacle(robot, k, rng) for k in range(3)]
+    tables["constraints"] = {"collision": True, "clearance": CLEARANCE}
+    return Case(f"{robot} {seed}", "", tables)
+
+
+def obstacle(robot: str, number: int, rng: np.random.Generator) -> dict[str, Any]:
+    """A post, a ball or a bar near where elbows may go, away from the object."""
+    centre = np.array([0.5, 0.0, 0.5]) if robot == "panda" else np.array([0.42, 0.0, 0.25])
+    angle = rng.uniform(-np.pi, np.pi)
+    place = centre + [0.5 * np.cos(angle), 0.5 * np.sin(angle), rng.uniform(-0.1, 0.45)]
+    shapes = [
+        {"kind": "cylinder", "radius": 0.03, "length": 0.5},
+        {"kind": "sphere", "radius": 0.08},
+        {"kind": "capsule", "radius": 0.03, "length": 0.4},
+    ]
+    return {
+        "name": f"obstacle {number}",
+        "shape": shapes[number % 3],
+        "position": [float(x) for x in place],
+        "rpy": [float(x) for x in rng.uniform(-1, 1, 3)],
+    }
+
+
+def without(tables: dict[str, Any]) -> dict[str, Any]:
+    """The same cell blind to collisions."""
+    return {**tables, "constraints": {}}
+
+
+class Bodies:
+    """Distances in a cell, on the original meshes."""
+
+    def __init__(self, problem: copose.Problem) -> None:
+        """Read the robots."""
+        self.problem, self.arms = problem, load_arms(problem)
+        self.scene = Scene.of(problem, self.arms)
+
+    def distance(self, joints: list[Array]) -> float:
+        """The smallest."""
+        bases = [arm.base for arm in self.arms]
+        where = carrier_poses(self.arms, bases, joints, self.problem.object.pose)
+        nearest = self.scene.nearest(where)
+        return np.inf if nearest is None else nearest.distance
+
+
+def sampled(given: Case, bodies: Bodies) -> float | None:
+    """The best of all pairs of closed postures that keeps 4 cm more than the clearance."""
+    truth = Truth(Case(given.name, "", without(given.tables)))
+    planner = copose.Planner(copose.parse(without(given.tables)))
+    planner.compile()
+    one, other = (spread_out(truth, i, closed_postures(truth, i, DRAWN, 1), DENSE) for i in (0, 1))
+    if not len(one) or not len(other):
+        return None
+    names = [arm["name"] for arm in given.tables["arms"]]
+    table = np.array([
+        planner.measure({names[0]: np.tile(row, (len(other), 1)), names[1]: other}).objective
+        for row in one
+    ])  # fmt: skip
+    table = np.where(np.isfinite(table), table, -np.inf)
+    for flat in np.argsort(-table, axis=None)[:LOOKED_AT]:
+        i, j = np.unravel_index(flat, table.shape)
+        if bodies.distance([one[i], other[j]]) >= CLEARANCE + BEYOND:
+            return float(table[i, j])
+    return None
+
+
+def seconds(planner: copose.Planner) -> float:
+    """The median time of a search after building."""
+    return float(np.median([planner.solve(seed=k).timing.search_s for k in range(REPEATS)]))
+
+
+def line(robot: str, seed: int) -> tuple[str, bool, float]:
+    """A row of the page, whether all is well, and the ratio of times."""
+    given = random_cell(robot, seed)
+    bodies = Bodies(given.problem)
+    planner, blind = (
+        copose.Planner(given.problem),
+        copose.Planner(copose.parse(without(given.tables))),
+    )
+    for each in (planner, blind):
+        each.compile()
+        each.solve()
+    solution, free = planner.solve(), blind.solve()
+    if solution.after is None:
+        return f"| {given.name} | {solution.status} | {solution.reason} ||||||", True, np.nan
+    joints = [np.array(q) for q in solution.after.joints.values()]
+    assert free.after is not None
+    blindly = bodies.distance([np.array(q) for q in free.after.joints.values()])
+    distance = bodies.distance(joints)
+    best = sampled(given, bodies)
+    value = solution.objective.after
+    assert value is not None
+    ratio = seconds(planner) / seconds(blind)
+    fine = distance >= CLEARANCE - 1e-6 and (best is None or value >= best - 1e-9)
+    shown = "–" if best is None else f"{best:.5f}"
+    return (
+        (
+            f"| {given.name} | {free.objective.after:.5f} | {1e3 * blindly:.1f} | {value:.5f} "
+            f"| {1e3 * distance:.1f} | {shown} | {ratio:.2f} | {'yes' if fine else 'NO'} |"
+        ),
+        fine,
+        ratio,
+    )
+
+
+def main() -> None:
+    """Measure and write."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--problems", type=int, default=10, help="of either robot")
+    parser.add_argument("--output", type=Path, default=HERE / "results" / "collision.md")
+    arguments = parser.parse_args()
+    began = time.perf_counter()
+    rows, ratios = [], []
+    for robot in ("panda", "xarm7"):
+        for seed in range(arguments.problems):
+            row, _, ratio = line(robot, seed)
+            rows.append(row)
+            ratios.append(ratio)
+            print(row, flush=True)
+    found = np.array(ratios)[np.isfinite(ratios)]
+    text = "\n".join([
+        "# Keeping clear", "",
+        f"`python benchmarks/collision.py`, {time.perf_counter() - began:.0f} s. Volume; clearance "
+        f"{1e3 * CLEARANCE:g} mm; *sample*: the best of {DENSE} × {DENSE} closed postures that keeps "
+        f"{1e3 * (CLEARANCE + BEYOND):g} mm on the original meshes.",
+        "",
+        "| cell | blind | its distance, mm | answer | its distance, mm | sample "
+        "| time over blind | clear, no worse |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | --- |", *rows, "",
+        f"Time over that of the same search without collision: median {np.median(found):.2f}, "
+        f"largest {found.max():.2f}.", "",
+    ])  # fmt: skip
+    arguments.output.write_text(text)
+    print(f"written to {arguments.output}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,204 @@
+"""The links of URDF arms as solids: which moves with which joint, and which stand still."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from copose.collision.carriers import Carrier
+from copose.collision.solids import Solid
+from copose.collision.urdf_geometry import LinkShapes
+from copose.errors import InputError
+from copose.poses import Array, Pose
+from copose.problem import Problem, UrdfArm
+from copose.robots import Arm
+from copose.robots.urdf import Robot, pose_of, posture, read_robot
+from copose.robots.urdf_tree import Tree, joint_frame, link_frame
+
+
+@dataclass(frozen=True, eq=False)
+class RobotSolids:
+    """The solids of all URDF arms.
+
+    Attributes:
+        solids: links that have a shape; robot by robot the static ones, then those of its arms.
+        mounts: (arm, name) of the static solids that an arm's first joint hangs on.
+        notes: which shapes could not be read, and what else is doubtful.
+    """
+
+    solids: tuple[Solid, ...]
+    mounts: frozenset[tuple[int, str]]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Member:
+    """An arm as part of its robot.
+
+    Attributes:
+        number: which arm of the problem.
+        arm: the arm.
+        locked: its joints that are held still, as in the problem.
+        root: its root link.
+        links: T_universe_link, locked joints at their values and all others at 0.
+        joints: T_universe_joint of its free joints, then.
+        origin: T_world_universe.
+    """
+
+    number: int
+    arm: Arm
+    locked: Mapping[str, float]
+    root: str
+    links: Mapping[str, Pose]
+    joints: tuple[Pose, ...]
+    origin: Pose
+
+    @classmethod
+    def of(cls, number: int, spec: UrdfArm, arm: Arm, robot: Robot) -> _Member:
+        links, joints = _placed(robot, spec.locked, arm.joint_names)
+        root = robot.tree.root if spec.root is None else spec.root
+        origin = arm.base @ links[root].inverse()
+        return cls(number, arm, spec.locked, root, links, joints, origin)
+
+
+@dataclass(frozen=True, eq=False)
+class _Team:
+    """The arms of one robot: one URDF at one base.
+
+    Attributes:
+        robot: what the URDF says.
+        shapes: of its links.
+        members: its arms, in file order.
+    """
+
+    robot: Robot
+    shapes: LinkShapes
+    members: list[_Member]
+
+    def takes(self, robot: Robot, member: _Member) -> bool:
+        """Whether an arm is one of this robot."""
+        return self.robot.file == robot.file and bool(
+            np.allclose(_rows(self.members[0].origin), _rows(member.origin), rtol=0, atol=1e-9)
+        )
+
+    def solids(self) -> list[Solid]:
+        """The links with a shape, the static ones in the root frame of the robot's first arm."""
+        first = self.members[0]
+        standing, _ = _placed(self.robot, self._locked(), ())
+        universe = standing[first.root].inverse()
+        movers = {
+            name: (member, j)
+            for member in self.members
+            for j, name in enumerate(member.arm.joint_names)
+        }
+        found = []
+        for link, parts in self.shapes.parts.items():
+            above = (joint.name for joint in self.robot.tree.ancestors(link))
+            mover = next((movers[name] for name in above if name in movers), None)
+            if mover is None:
+                carrier, pose = Carrier("root", first.number), universe @ standing[link]
+                name = first.arm.name
+            else:
+                member, j = mover
+                carrier = Carrier("joint", member.number, j)
+                pose = member.joints[j].inverse() @ member.links[link]
+                name = member.arm.name
+            found.append(Solid(f"{name}/{link}", carrier, pose, parts))
+        return sorted(
+            found,
+            key=lambda solid: (not solid.carrier.static, solid.carrier.arm, solid.carrier.joint),
+        )
+
+    def mounts(self) -> set[tuple[int, str]]:
+        """(arm, name) of the static solids that are one body with what joint 0 hangs on."""
+        tree = self.robot.tree
+        hangs_on = {joint.name: joint.parent for joint in tree.joints.values()}
+        found = set()
+        for member in self.members:
+            body = _anchor(tree, hangs_on[member.arm.joint_names[0]])
+            for link in self.shapes.parts:
+                if _anchor(tree, link) == body:
+                    found.add((member.number, f"{self.members[0].arm.name}/{link}"))
+        return found
+
+    def _locked(self) -> dict[str, float]:
+        """Where the joints are held that carry static links; the first arm's word counts."""
+        locked: dict[str, float] = {}
+        for member in reversed(self.members):
+            locked |= member.locked
+        return locked
+
+
+def robot_solids(problem: Problem, arms: Sequence[Arm]) -> RobotSolids:
+    """The solids of a problem's URDF arms.
+
+    Raises:
+        InputError: a URDF cannot be read, or gives no shape to any link that an arm moves.
+    """
+    folder = problem.source.parent if problem.source is not None else Path()
+    robots: dict[Path, Robot] = {}
+    shapes: dict[Path, LinkShapes] = {}
+    teams: list[_Team] = []
+    for i, (spec, arm) in enumerate(zip(problem.arms, arms, strict=True)):
+        if not isinstance(spec, UrdfArm):
+            continue
+        robot = read_robot(spec, folder, f"arms[{i}]", robots)
+        if robot.file not in shapes:
+            shapes[robot.file] = LinkShapes.of(robot.tree)
+        member = _Member.of(i, spec, arm, robot)
+        team = next((team for team in teams if team.takes(robot, member)), None)
+        if team is None:
+            team = _Team(robot, shapes[robot.file], [])
+            teams.append(team)
+        team.members.append(member)
+    solids: list[Solid] = []
+    mounts: set[tuple[int, str]] = set()
+    for team in teams:
+        found = team.solids()
+        solids += found
+        mounts |= team.mounts()
+        for member in team.members:
+            if not any(s.carrier.kind == "joint" and s.carrier.arm == member.number for s in found):
+                raise _without_shape(team, member)
+    notes = tuple(note for links in shapes.values() for note in links.notes)
+    return RobotSolids(tuple(solids), frozenset(mounts), notes)
+
+
+def _without_shape(team: _Team, member: _Member) -> InputError:
+    why = f" ({'; '.join(team.shapes.notes)})" if team.shapes.notes else ""
+    return InputError(
+        f"{team.robot.file.name} has no shape that can be read for any link that the arm "
+        f"moves{why}; collision needs <collision> or <visual> elements and their meshes",
+        key=f"arms[{member.number}].urdf",
+    )
+
+
+def _placed(
+    robot: Robot, locked: Mapping[str, float], free: Sequence[str]
+) -> tuple[dict[str, Pose], tuple[Pose, ...]]:
+    """Poses of all links and of the free joints in the universe, these and others at 0."""
+    import pinocchio
+
+    model = robot.model
+    data = model.createData()
+    pinocchio.framesForwardKinematics(model, data, posture(model, dict(locked)))
+    links = {
+        link: pose_of(data.oMf[model.getFrameId(link_frame(link), pinocchio.FrameType.BODY)])
+        for link in robot.tree.links
+    }
+    joints = (pose_of(data.oMi[model.getJointId(joint_frame(name))]) for name in free)
+    return links, tuple(joints)
+
+
+def _anchor(tree: Tree, link: str) -> str:
+    """The uppermost link that fixed joints alone tie a link to."""
+    while link in tree.joints and tree.joints[link].kind == "fixed":
+        link = tree.joints[link].parent
+    return link
+
+
+def _rows(pose: Pose) -> Array:
+    return np.column_stack([pose.rotation, pose.position])

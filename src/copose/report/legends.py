@@ -1,0 +1,39 @@
+"""Legends of pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from matplotlib.transforms import ScaledTranslation
+
+from copose.report.style import short
+
+TOGETHER = "together, at the object"
+ALONE = "each arm alone, at its tip"
+RANGES = "free range"
+OTHER = "the other one's ellipsoids"
+
+
+def keys(arms: Iterable[str], *more: str) -> list[str]:
+    """The entries of a picture's legend."""
+    return [f"arm {short(name)}" for name in arms] + list(more)
+
+
+def legend_grid(entries: list[str], inches: float) -> tuple[int, int]:
+    """Columns and rows in which a legend's entries fit into so many inches."""
+    # A letter takes about a twelfth of an inch at the size that legends are set in.
+    widest = max(0.6 + len(entry) / 12 for entry in entries)
+    columns = max(1, min(len(entries), int(inches / widest)))
+    return columns, -(-len(entries) // columns)
+
+
+def legend_below(
+    ax: Any, handles: list[Any], labels: list[str], *, columns: int, points: float
+) -> None:
+    """A legend so many points under axes, flush with their right where they are flat."""
+    down = ScaledTranslation(0, -points / 72, ax.get_figure().dpi_scale_trans)
+    place, x = ("upper center", 0.5) if ax.name == "3d" else ("upper right", 1.0)
+    ax.legend(handles, labels, loc=place, bbox_to_anchor=(x, 0), ncols=columns,
+              bbox_transform=ax.transAxes + down, frameon=False, fontsize=9, columnspacing=1.0,
+              handlelength=1.4, handletextpad=0.5, borderaxespad=0)  # fmt: skip

@@ -1,0 +1,921 @@
+"""Collisions: where solids are, how near they come, and which pairs count, against Pinocchio."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import math
+import os
+import shutil
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import lsq_linear
+from scipy.spatial import ConvexHull
+
+import cells
+import reference
+from copose.collision import (
+    Carrier,
+    Mesh,
+    Placements,
+    Primitive,
+    Scene,
+    Solid,
+    carrier_poses,
+    carriers_of,
+    segment_distances,
+)
+from copose.collision.distances import Distances
+from copose.collision.pairs import possible_pairs
+from copose.errors import InputError
+from copose.mechanics.chain import Chain
+from copose.poses import Pose
+from copose.problem import Problem, parse
+from copose.robots import Arm, finite_range, load_arms
+from reference import example
+
+ROBOTS = example("")
+LIMIT = '<limit lower="-2" upper="2" effort="10" velocity="3"/>'
+INERTIAL = (
+    '<inertial><mass value="1"/>'
+    '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>'
+)
+# coal's GJK stops when a distance is known to 1e-6, from wherever it starts.
+GJK = 5e-6
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A problem, read, with its scene."""
+
+    table: dict
+    problem: Problem
+    arms: tuple[Arm, ...]
+    scene: Scene
+
+    @classmethod
+    def of(cls, table: dict, source: Path | None = None) -> Setting:
+        problem = parse(table, source=source)
+        arms = load_arms(problem)
+        return cls(table, problem, arms, Scene.of(problem, arms))
+
+    @property
+    def names(self) -> list[str]:
+        return [solid.name for solid in self.scene.solids]
+
+    @property
+    def tested(self) -> set[frozenset[str]]:
+        names = self.names
+        return {frozenset((names[i], names[j])) for i, j in self.scene.pairs}
+
+    def at(self, q: list[np.ndarray]) -> Placements:
+        return carrier_poses(
+            self.arms, [arm.base for arm in self.arms], q, self.problem.object.pose
+        )
+
+    def drawn(self, seed: int) -> list[np.ndarray]:
+        rng = np.random.default_rng(seed)
+        return [rng.uniform(*finite_range(arm.lower, arm.upper)) for arm in self.arms]
+
+
+def with_collision(table: dict, **more: object) -> dict:
+    table = copy.deepcopy(table)
+    table["constraints"] = table.get("constraints", {}) | {"collision": True}
+    return table | more
+
+
+@pytest.fixture(scope="module")
+def pandas() -> Setting:
+    table = with_collision(cells.two_pandas())
+    table["arms"][0]["base"] = {"position": [0.1, -0.05, 0.02], "rpy": [0.1, -0.2, 0.3]}
+    table["arms"][0]["locked"] = {"panda_finger_joint1": 0.03}
+    table["obstacles"] = [
+        {"name": "rod", "position": [0.5, 0.5, 0.5], "rpy": [0.5, 1, 0],
+         "shape": {"kind": "capsule", "radius": 0.03, "length": 0.6}},
+        {"name": "post", "position": [0.5, -0.5, 0.3],
+         "shape": {"kind": "cylinder", "radius": 0.05, "length": 0.6}},
+        {"name": "shelf", "position": [0.5, 0, 1.1], "rpy": [0, 0.2, 0],
+         "shape": {"kind": "box", "size": [0.5, 0.9, 0.04]}},
+    ]  # fmt: skip
+    return Setting.of(table)
+
+
+@pytest.fixture(scope="module")
+def baxter() -> Setting:
+    table = with_collision(cells.tables("baxter-box"))
+    for arm in table["arms"]:
+        arm["base"] = {"position": [0.1, 0, 0.9], "rpy": [0, 0, 0.4]}
+        arm["locked"] = {"head_pan": 0.7, "l_gripper_l_finger_joint": 0.01}
+    table["object"]["position"] = [0.8, 0.3, 1.1]
+    return Setting.of(table)
+
+
+def truth(setting: Setting, q: list[np.ndarray]) -> dict[str, list[pin.GeometryObject]]:
+    """Every shape at its place in the world, by the name of its solid, without copose."""
+    shapes: dict[str, list[pin.GeometryObject]] = {}
+    count = itertools.count()
+
+    def add(name: str, geometry: object, place: pin.SE3) -> None:
+        shape = pin.GeometryObject(f"shape{next(count)}", 0, 0, place, geometry)
+        shapes.setdefault(name, []).append(shape)
+
+    tables = setting.table["arms"]
+    for i, table in enumerate(tables):
+        file = str(example(table["urdf"].removeprefix("example-robot-data://")))
+        model = pin.buildModelFromUrdf(file)
+        # pin 4 warns where it is given folders, for it takes them for a geometry model first.
+        os.environ["ROS_PACKAGE_PATH"] = str(ROBOTS.parents[1])
+        geometry = pin.buildGeomFromUrdf(model, file, pin.GeometryType.COLLISION)
+        position = pin.neutral(model)
+        values = dict(zip(setting.arms[i].joint_names, q[i], strict=True)) | table.get("locked", {})
+        for name, value in values.items():
+            joint = model.joints[model.getJointId(name)]
+            position[joint.idx_q : joint.idx_q + joint.nq] = (
+                [math.cos(value), math.sin(value)] if joint.nq == 2 else [value]
+            )
+        data, placed = model.createData(), geometry.createData()
+        pin.updateGeometryPlacements(model, data, geometry, placed, position)
+        mine = {model.getJointId(name) for name in setting.arms[i].joint_names}
+        others = [other for k, other in enumerate(tables) if k != i]
+        one_robot = any(
+            o["urdf"] == table["urdf"] and o.get("base") == table.get("base") for o in others
+        )
+        first = setting.arms[0 if one_robot else i].name
+        theirs = {
+            model.getJointId(name)
+            for k, arm in enumerate(setting.arms)
+            if one_robot and k != i
+            for name in arm.joint_names
+        }
+        base = reference.pose(table.get("base", {}))
+        for k, shape in enumerate(geometry.geometryObjects):
+            above = set(model.supports[shape.parentJoint])
+            link = model.frames[shape.parentFrame].name
+            if above & theirs or (not above & mine and setting.arms[i].name != first):
+                continue
+            name = setting.arms[i].name if above & mine else first
+            add(f"{name}/{link}", shape.geometry, base * placed.oMg[k])
+    import coal
+
+    kinds = {
+        "box": lambda s: coal.Box(*s["size"]),
+        "cylinder": lambda s: coal.Cylinder(s["radius"], s["length"]),
+        "capsule": lambda s: coal.Capsule(s["radius"], s["length"]),
+    }
+    for name, table in [("object", setting.table["object"])] + [
+        (obstacle["name"], obstacle) for obstacle in setting.table.get("obstacles", [])
+    ]:
+        add(name, kinds[table["shape"]["kind"]](table["shape"]), reference.pose(table))
+    return shapes
+
+
+def all_distances(setting: Setting, q: list[np.ndarray]) -> dict[frozenset[str], float]:
+    """Pinocchio's distances of all tested pairs."""
+    shapes = truth(setting, q)
+    model, geometry = pin.Model(), pin.GeometryModel()
+    number = {
+        shape.name: geometry.addGeometryObject(shape) for some in shapes.values() for shape in some
+    }
+    owners = []
+    for pair in setting.tested:
+        a, b = sorted(pair)
+        for s, t in itertools.product(shapes[a], shapes[b]):
+            geometry.addCollisionPair(pin.CollisionPair(number[s.name], number[t.name]))
+            owners.append(pair)
+    data = geometry.createData()
+    pin.computeDistances(model, model.createData(), geometry, data, np.zeros(0))
+    found: dict[frozenset[str], float] = {}
+    for pair, result in zip(owners, data.distanceResults, strict=True):
+        found[pair] = min(found.get(pair, np.inf), result.min_distance)
+    return found
+
+
+@pytest.fixture(scope="module", params=["pandas", "baxter"])
+def setting(request: pytest.FixtureRequest) -> Setting:
+    return request.getfixturevalue(request.param)
+
+
+def test_every_shape_is_a_solid(setting: Setting) -> None:
+    shapes = truth(setting, setting.drawn(0))
+    assert len(set(setting.names)) == len(setting.names)
+    assert set(setting.names) == set(shapes)
+    for solid in setting.scene.solids:
+        assert len(solid.parts) == len(shapes[solid.name])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_distances_are_pinocchios(setting: Setting, seed: int) -> None:
+    q = setting.drawn(seed)
+    where, expected = setting.at(q), all_distances(setting, q)
+    distances, names = setting.scene.distances, setting.names
+    for k, (i, j) in enumerate(setting.scene.pairs):
+        wanted, found = expected[frozenset((names[i], names[j]))], distances.exact(k, where)
+        assert found <= 0 if wanted <= 0 else found == pytest.approx(wanted, abs=GJK)
+    nearest = setting.scene.nearest(where)
+    assert nearest is not None
+    # Pinocchio does not see what lies wholly within a mesh.
+    within = [setting.scene.pairs[k] for k in distances.enclosed(where)]
+    enclosed = {frozenset((names[i], names[j])) for i, j in within}
+    if min(expected.values()) > 0 and not enclosed:
+        assert nearest.distance == pytest.approx(min(expected.values()), abs=GJK)
+        assert expected[frozenset(nearest.pair)] == pytest.approx(nearest.distance, abs=GJK)
+        assert setting.scene.overlapping(where) is None
+    else:
+        assert nearest.distance <= 0
+        assert expected[frozenset(nearest.pair)] <= 0 or frozenset(nearest.pair) in enclosed
+        first = setting.scene.overlapping(where)
+        assert first is not None
+        assert expected[frozenset(first)] <= 0 or frozenset(first) in enclosed
+
+
+def test_some_of_these_postures_are_free_and_others_are_not(pandas: Setting) -> None:
+    least = [min(all_distances(pandas, pandas.drawn(seed)).values()) for seed in range(6)]
+    assert min(least) <= 0 < max(least)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_nearest_is_the_least_of_all(setting: Setting, seed: int) -> None:
+    where = setting.at(setting.drawn(100 + seed))
+    distances = setting.scene.distances
+    exact = np.array([distances.exact(k, where) for k in range(len(setting.scene.pairs))])
+    nearest = setting.scene.nearest(where)
+    assert nearest is not None
+    if not distances.enclosed(where):
+        assert nearest.distance == pytest.approx(exact.min(), abs=GJK)
+    assert np.all(distances.ball_bounds(where) <= np.maximum(exact, 0) + GJK)
+    for k in range(0, len(exact), 5):
+        capped = distances.exact(k, where, 0.02)
+        assert capped == pytest.approx(min(exact[k], 0.02), abs=GJK) or exact[k] <= 0 >= capped
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_distances_of_capsules_are_never_larger(pandas: Setting, seed: int) -> None:
+    # Of links and the rod: large boxes and cylinders take long to be covered.
+    kept = [n for n, name in enumerate(pandas.names) if "/" in name or name == "rod"]
+    solids = tuple(pandas.scene.solids[n] for n in kept)
+    pairs = np.array([[kept.index(i), kept.index(j)] for i, j in pandas.scene.pairs
+                      if i in kept and j in kept])  # fmt: skip
+    distances = Distances(solids, pairs, pandas.scene.carriers)
+    where = pandas.at(pandas.drawn(200 + seed))
+    exact = np.array([distances.exact(k, where) for k in range(len(pairs))])
+    bounds = distances.capsule_bounds(where)
+    assert np.all(bounds <= np.maximum(exact, 0) + GJK)
+    for k in (0, 50, len(pairs) - 1):
+        gaps = []
+        for s, t in itertools.product(*(solids[i].capsules for i in distances.pairs[k])):
+            ends = []
+            for capsule, i in ((s, distances.pairs[k][0]), (t, distances.pairs[k][1])):
+                c = pandas.scene.carriers.index(solids[i].carrier)
+                R, p = where.rotations[c], where.positions[c]
+                ends += [(R @ capsule.a + p)[None], (R @ capsule.b + p)[None]]
+            gaps.append(segment_distances(*ends)[0] - s.radius - t.radius)
+        assert bounds[k] == pytest.approx(min(gaps), abs=1e-12)
+    some = np.array([3, 7, 40])
+    np.testing.assert_array_equal(distances.capsule_bounds(where, some), bounds[some])
+
+
+CHAINS = {
+    "baxter from its root": {
+        "urdf": "example-robot-data://baxter_description/urdf/baxter.urdf", "tip": "left_gripper",
+    },
+    "panda from a moved link": {
+        "urdf": cells.PANDA, "root": "panda_link1", "tip": "panda_hand",
+        "locked": {"panda_joint1": 0.7},
+    },
+    "tiago with its lift": {
+        "urdf": "example-robot-data://tiago_description/robots/tiago_dual.urdf",
+        "tip": "arm_left_7_link", "locked": {"arm_left_3_joint": 0.4},
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("chain", CHAINS.values(), ids=CHAINS)
+def test_frames_are_pinocchios(chain: dict) -> None:
+    table = chain | {
+        "name": "arm", "grasp": {"position": [0, 0, 0]},
+        "base": {"position": [1, 2, 3], "rpy": [0.1, 0.2, 0.3]},
+    }  # fmt: skip
+    problem = parse(cells.two_pandas("spatial-linear") | {"arms": [table]})
+    (arm,) = load_arms(problem)
+    assert arm.joints[0].kind == ("prismatic" if "tiago" in chain["urdf"] else "revolute")
+    truth = reference.UrdfArm(table, list(arm.joint_names))
+    x = ca.SX.sym("q", arm.n)
+    frames = Chain.of(arm, x).frames
+    own = ca.Function("f", [x], [ca.horzcat(f.rotation, f.position) for f in frames])
+    for seed in range(5):
+        q = np.random.default_rng(seed).uniform(*finite_range(arm.lower, arm.upper))
+        where = carrier_poses([arm], [arm.base], [q], problem.object.pose)
+        data = truth.model.createData()
+        pin.forwardKinematics(truth.model, data, truth.configuration(q))
+        numbers = {carrier: k for k, carrier in enumerate(carriers_of([arm]))}
+        for j in range(arm.n):
+            k = numbers[Carrier("joint", 0, j)]
+            there = truth.origin * data.oMi[j + 1]
+            np.testing.assert_allclose(where.rotations[k], there.rotation, atol=1e-12)
+            np.testing.assert_allclose(where.positions[k], there.translation, atol=1e-12)
+            symbolic = np.array(own(q)[j])
+            np.testing.assert_allclose(
+                where.rotations[k], arm.base.rotation @ symbolic[:, :3], atol=1e-12
+            )
+        for carrier, pose in [
+            (Carrier("world"), Pose.from_rpy()),
+            (Carrier("object"), problem.object.pose),
+            (Carrier("root", 0), arm.base),
+        ]:
+            np.testing.assert_array_equal(where.rotations[numbers[carrier]], pose.rotation)
+            np.testing.assert_array_equal(where.positions[numbers[carrier]], pose.position)
+
+
+def test_other_bases_and_objects_move_what_hangs_on_them(pandas: Setting) -> None:
+    moved = Pose.from_rpy((0.3, 0.1, 0.2), (0.1, 0.5, -0.4))
+    q = pandas.drawn(3)
+    here = pandas.at(q)
+    bases = [moved @ arm.base for arm in pandas.arms]
+    there = carrier_poses(pandas.arms, bases, q, moved @ pandas.problem.object.pose)
+    for k in range(1, len(here.positions)):
+        np.testing.assert_allclose(
+            there.positions[k], moved.rotation @ here.positions[k] + moved.position, atol=1e-12
+        )
+        np.testing.assert_allclose(
+            there.rotations[k], moved.rotation @ here.rotations[k], atol=1e-12
+        )
+
+
+# Segments
+
+
+def segments(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    a0, a1, b0, b1 = rng.normal(size=(4, 3))
+    if kind == "parallel":
+        b1 = b0 + rng.normal() * (a1 - a0)
+    elif kind == "collinear":
+        b0, b1 = (a0 + x * (a1 - a0) for x in rng.normal(size=2) * 3)
+    elif kind == "crossing":
+        b1 = a0 + rng.uniform() * (a1 - a0)
+        b0, b1 = b1 - (b0 - b1), b0
+    elif kind == "point":
+        b1 = b0
+    elif kind == "points":
+        a1, b1 = a0, b0
+    elif kind == "nearly parallel":
+        b1 = b0 + (a1 - a0) + 1e-8 * rng.normal(size=3)
+    elif kind == "joined":
+        b0 = a1
+    return a0, a1, b0, b1
+
+
+@pytest.mark.parametrize("kind", ["any", "parallel", "collinear", "crossing", "point", "points",
+                                  "nearly parallel", "joined"])  # fmt: skip
+def test_segment_distances(kind: str) -> None:
+    rng = np.random.default_rng(5)
+    rows = [segments(kind, rng) for _ in range(60)]
+    found = segment_distances(*(np.array(column) for column in zip(*rows, strict=True)))
+    for (a0, a1, b0, b1), distance in zip(rows, found, strict=True):
+        A = np.column_stack([a1 - a0, b0 - b1])
+        best = lsq_linear(A, b0 - a0, bounds=(0, 1), tol=1e-14, method="bvls")
+        assert distance == pytest.approx(math.sqrt(2 * best.cost), abs=1e-7)
+        if kind in ("crossing", "joined"):
+            assert distance == pytest.approx(0, abs=1e-7)
+
+
+# Capsules
+
+
+def outline(solid: Solid) -> np.ndarray:
+    """Points of a solid's surface, in its carrier's frame."""
+    rng = np.random.default_rng(1)
+    found = []
+    for part in solid.parts:
+        shape = part.shape
+        if isinstance(shape, Mesh):
+            corners = shape.vertices[shape.triangles[rng.integers(len(shape.triangles), size=2000)]]
+            share = rng.dirichlet(np.ones(3), size=2000)
+            points = np.vstack([shape.vertices, np.einsum("kij,ki->kj", corners, share)])
+        else:
+            turn = rng.uniform(0, 2 * np.pi, 4000)
+            rim = np.column_stack([np.cos(turn), np.sin(turn), rng.choice([-1, 1], 4000)])
+            if shape.kind == "box":
+                points = rng.uniform(-1, 1, size=(4000, 3))
+                side = rng.integers(3, size=4000)
+                points[np.arange(4000), side] = rng.choice([-1, 1], 4000)
+                points *= np.array((*shape.size, 0.0)[:3]) / 2
+            elif shape.kind == "cylinder":
+                points = rim * np.array([shape.size[0], shape.size[0], shape.size[1] / 2])
+            else:
+                points = rng.normal(size=(4000, 3))
+                if shape.flat:
+                    points[:, 2] = 0
+                points *= shape.size[0] / np.linalg.norm(points, axis=1)[:, None]
+                if shape.kind == "capsule":
+                    points[:, 2] += np.sign(points[:, 2]) * shape.size[1] / 2
+        pose = solid.placement @ part.placement
+        found.append(points @ pose.rotation.T + pose.position)
+    return np.vstack(found)
+
+
+def outside(solid: Solid) -> float:
+    """How far the farthest point of a solid's surface is from its capsules."""
+    points = outline(solid)
+    gaps = []
+    for capsule in solid.capsules:
+        a, b = (np.broadcast_to(end, points.shape) for end in (capsule.a, capsule.b))
+        gaps.append(segment_distances(points, points, a, b) - capsule.radius)
+    return float(np.min(gaps, axis=0).max())
+
+
+def test_capsules_enclose_solids(pandas: Setting, baxter: Setting) -> None:
+    # Some of each kind, for covering takes long: meshes, the fingers' boxes, a cylinder, a sphere.
+    some = [f"left/panda_{link}" for link in ("link2", "link5", "link7", "hand", "leftfinger")]
+    some += ["rod", "left/left_lower_shoulder", "left/head"]
+    found = {solid.name: solid for each in (pandas, baxter) for solid in each.scene.solids}
+    for name in some:
+        assert found[name].capsules
+        assert outside(found[name]) <= 1e-8, name
+
+
+def test_capsules_enclose_planar_shapes_and_lie_in_the_plane() -> None:
+    scene = planar_cell().scene
+    for solid in scene.solids:
+        assert outside(solid) <= 1e-8, solid.name
+        for capsule in solid.capsules:
+            assert abs(capsule.a[2]) < 1e-15 > abs(capsule.b[2])
+
+
+def test_the_prism_round_a_cylinder_contains_it() -> None:
+    corners, beyond = Primitive("cylinder", (0.2, 0.6)).hull
+    assert beyond == 0
+    faces = ConvexHull(corners).equations
+    turn = np.linspace(0, 2 * np.pi, 1000)
+    for z in (-0.3, 0.3):
+        rim = np.column_stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), np.full(1000, z)])
+        assert np.all(rim @ faces[:, :3].T + faces[:, 3] <= 1e-12)
+    assert np.linalg.norm(corners[:, :2], axis=1).max() < 0.2 * 1.01
+
+
+# Which pairs
+
+
+def link(name: str, shapes: str = "", *, mass: bool = True) -> str:
+    return f'<link name="{name}">{INERTIAL if mass else ""}{shapes}</link>'
+
+
+def collision(geometry: str, xyz: str = "0 0 0", tag: str = "collision") -> str:
+    return f'<{tag}><origin xyz="{xyz}"/><geometry>{geometry}</geometry></{tag}>'
+
+
+def joint(parent: str, child: str, kind: str, xyz: str, axis: str = "0 1 0") -> str:
+    return (
+        f'<joint name="{child}_joint" type="{kind}"><parent link="{parent}"/>'
+        f'<child link="{child}"/><origin xyz="{xyz}"/><axis xyz="{axis}"/>{LIMIT}</joint>'
+    )
+
+
+AXES = ["0 0 1", "0 1 0", "1 0 0", "0 1 0", "0 0 1", "0 1 0"]
+
+
+def torso(sides: tuple[str, ...] = ("l", "r")) -> str:
+    """A torso with a head on a joint, and arms of six joints whose links 1 and 3 are one place."""
+    ball = collision('<sphere radius="0.04"/>')
+    parts = [
+        link("pedestal", collision('<box size="0.2 0.2 0.1"/>', "0 0 -0.6")),
+        link("trunk", collision('<cylinder radius="0.1" length="0.5"/>')),
+        joint("pedestal", "trunk", "fixed", "0 0 0"),
+        link("head", collision('<sphere radius="0.1"/>')),
+        joint("trunk", "head", "revolute", "0 0 0.4"),
+    ]
+    for side in sides:
+        out = 1 if side == "l" else -1
+        parts += [link(f"{side}mount", mass=False),
+                  joint("trunk", f"{side}mount", "fixed", f"0 {0.12 * out} 0.2")]  # fmt: skip
+        above = f"{side}mount"
+        for i, axis in enumerate(AXES):
+            name = f"{side}{i}"
+            # Joints 2 and 3 turn about the same point, so links 1 and 3 always overlap.
+            xyz = "0 0 0" if i in (2, 3) else f"0 {0.12 * out} 0"
+            parts += [link(name, ball), joint(above, name, "revolute", xyz, axis)]
+            above = name
+        parts += [
+            link(f"{side}hand", collision('<box size="0.05 0.05 0.05"/>')),
+            joint(above, f"{side}hand", "fixed", f"0 {0.06 * out} 0"),
+            link(f"{side}finger", collision('<box size="0.01 0.02 0.01"/>')),
+            joint(f"{side}hand", f"{side}finger", "prismatic", f"0 {0.04 * out} 0"),
+        ]
+    return f'<robot name="torso">{"".join(parts)}</robot>'
+
+
+def torso_cell(folder: Path, text: str | None = None, **more: object) -> Setting:
+    (folder / "torso.urdf").write_text(torso() if text is None else text)
+    arm = {"urdf": "torso.urdf", "grasp": {"position": [0, 0, 0]}}
+    table = {
+        "format": 1, "name": "t", "task": {"space": "spatial"},
+        "object": {"mass": 1, "inertia": [0.01] * 3, "position": [0.6, 0, 0.2],
+                   "shape": {"kind": "sphere", "radius": 0.05}},
+        "arms": [arm | {"name": "left", "tip": "lhand"}, arm | {"name": "right", "tip": "rhand"}],
+        "obstacles": [
+            {"name": "table", "position": [0, 0, -0.7],
+             "shape": {"kind": "box", "size": [1, 1, 0.12]}},
+            {"name": "lamp", "position": [0.6, 0, 0.2],
+             "shape": {"kind": "sphere", "radius": 0.03}},
+        ],
+    }  # fmt: skip
+    return Setting.of(with_collision(table | more), folder / "p.toml")
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Setting:
+    return torso_cell(tmp_path_factory.mktemp("torso"))
+
+
+def test_two_arms_of_one_robot_share_its_static_links(robot: Setting) -> None:
+    arms = [
+        f"{arm}/{arm[0]}{i}" for arm in ("left", "right") for i in (*range(6), "hand", "finger")
+    ]
+    static = ["left/pedestal", "left/trunk", "left/head"]
+    assert sorted(robot.names) == sorted([*arms, *static, "object", "table", "lamp"])
+    carriers = {solid.name: solid.carrier for solid in robot.scene.solids}
+    assert all(carriers[name] == Carrier("root", 0) for name in static)
+    assert carriers["right/r3"] == Carrier("joint", 1, 3)
+    assert carriers["right/rfinger"] == carriers["right/rhand"] == Carrier("joint", 1, 5)
+    assert carriers["object"] == Carrier("object")
+    assert carriers["lamp"] == Carrier("world")
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "tested"),
+    [
+        ("left/l0", "left/l1", False),  # neighbours
+        ("left/l0", "left/l2", True),
+        ("left/l1", "left/l2", False),
+        ("left/l1", "left/l3", False),  # always near: at one place
+        ("left/l2", "left/l4", True),
+        ("left/l5", "left/lhand", False),  # one body
+        ("left/l4", "left/lhand", False),
+        ("left/l3", "left/lhand", True),
+        ("left/lhand", "left/lfinger", False),
+        ("left/l0", "left/trunk", False),  # what the arm is mounted on
+        ("left/l0", "left/pedestal", False),  # one body with it
+        ("left/l0", "left/head", True),  # on a joint of its own
+        ("left/l1", "left/trunk", True),
+        ("left/l3", "left/head", True),
+        ("right/r0", "left/trunk", False),
+        ("right/r1", "left/trunk", True),
+        ("left/l0", "right/r0", True),  # arm and arm
+        ("left/l5", "right/rfinger", True),
+        ("left/lhand", "object", False),  # what holds the object
+        ("left/lfinger", "object", False),
+        ("left/l5", "object", False),
+        ("left/l4", "object", True),
+        ("left/trunk", "object", True),
+        ("left/head", "object", True),
+        ("lamp", "object", True),  # though they always overlap
+        ("table", "object", True),
+        ("table", "lamp", False),  # both static
+        ("table", "left/pedestal", False),
+        ("left/trunk", "left/head", False),
+        ("left/trunk", "left/pedestal", False),
+        ("table", "left/l0", True),
+        ("lamp", "right/rfinger", True),
+    ],
+)
+def test_tested_pairs(robot: Setting, a: str, b: str, tested: bool) -> None:
+    assert {a, b} <= set(robot.names)
+    assert (frozenset((a, b)) in robot.tested) == tested
+
+
+def test_only_what_is_always_near_is_left_out(robot: Setting, baxter: Setting) -> None:
+    lone = {frozenset((f"{arm}/{arm[0]}1", f"{arm}/{arm[0]}3")) for arm in ("left", "right")}
+    for cell, mounts in [
+        (robot, {(i, f"left/{name}") for i in (0, 1) for name in ("trunk", "pedestal")}),
+        (baxter, {(i, f"left/{name}") for i in (0, 1) for name in
+                  ("torso", "pedestal", "sonar_ring", "collision_head_link_1",
+                   "collision_head_link_2")}),
+    ]:  # fmt: skip
+        names = cell.names
+        possible = {
+            frozenset((names[i], names[j]))
+            for i, j in possible_pairs(cell.scene.solids, cell.arms, mounts)
+        }
+        assert cell.tested <= possible
+        if cell is robot:
+            assert possible - cell.tested == lone
+        shapes = [truth(cell, cell.drawn(900 + s)) for s in range(10)] if cell is baxter else []
+        for pair in possible - cell.tested:
+            a, b = sorted(pair)
+            for some in shapes:
+                gaps = [distance_of(s, t) for s in some[a] for t in some[b]]
+                assert min(gaps) < 0.01
+
+
+def distance_of(s: pin.GeometryObject, t: pin.GeometryObject) -> float:
+    model, geometry = pin.Model(), pin.GeometryModel()
+    numbers = geometry.addGeometryObject(s), geometry.addGeometryObject(t)
+    geometry.addCollisionPair(pin.CollisionPair(*numbers))
+    data = geometry.createData()
+    pin.computeDistances(model, model.createData(), geometry, data, np.zeros(0))
+    return float(data.distanceResults[0].min_distance)
+
+
+def test_shoulders_of_baxter_may_touch_the_torso_and_nothing_beyond(baxter: Setting) -> None:
+    for arm in ("left", "right"):
+        assert frozenset(("left/torso", f"{arm}/{arm}_upper_shoulder")) not in baxter.tested
+        assert frozenset(("left/head", f"{arm}/{arm}_upper_shoulder")) in baxter.tested
+        for beyond in ("lower_shoulder", "upper_elbow", "lower_forearm", "hand_link"):
+            for static in ("torso", "head", "pedestal", "collision_head_link_1"):
+                assert frozenset((f"left/{static}", f"{arm}/{arm}_{beyond}")) in baxter.tested
+
+
+def test_robots_on_two_bases_are_two(tmp_path: Path, pandas: Setting) -> None:
+    assert frozenset(("left/panda_link0", "right/panda_link3")) in pandas.tested
+    assert frozenset(("left/panda_link0", "right/panda_link0")) not in pandas.tested
+    assert frozenset(("left/panda_link0", "object")) in pandas.tested
+    assert frozenset(("left/panda_link0", "left/panda_link1")) not in pandas.tested
+    assert frozenset(("left/panda_link0", "left/panda_link2")) in pandas.tested
+    assert frozenset(("rod", "left/panda_link0")) not in pandas.tested
+    assert frozenset(("rod", "object")) in pandas.tested
+    table = torso_cell(tmp_path).table
+    table["arms"][1]["base"] = {"position": [0, 3, 0]}
+    two = Setting.of(table, tmp_path / "p.toml")
+    assert {"left/trunk", "right/trunk"} <= set(two.names)
+    # The other arm of the same URDF is no arm of this robot: it stands still.
+    static = {solid.name for solid in two.scene.solids if solid.carrier.static}
+    assert {"left/r3", "right/l3"} <= static
+    assert frozenset(("left/l3", "right/trunk")) in two.tested
+
+
+def test_a_clearance_of_zero_still_leaves_out_what_always_overlaps(tmp_path: Path) -> None:
+    cube(tmp_path / "cube.stl", 0.06)
+    for text in (torso(), torso().replace('<sphere radius="0.04"/>', mesh("cube.stl"))):
+        cell = torso_cell(tmp_path, text, constraints={"clearance": 0.0})
+        assert cell.scene.notes == ()
+        assert frozenset(("left/l1", "left/l3")) not in cell.tested
+        assert frozenset(("left/l2", "left/l4")) in cell.tested
+
+
+def test_bases_that_may_be_moved_are_moved(tmp_path: Path) -> None:
+    table = torso_cell(tmp_path).table
+    beside = {
+        "name": "wall",
+        "position": [0, 0.24, 0.2],
+        "shape": {"kind": "sphere", "radius": 0.1},
+    }
+    still = Setting.of(table | {"obstacles": [beside]}, tmp_path / "p.toml")
+    pair = frozenset(("wall", "left/l0"))
+    assert pair not in still.tested
+    table = table | {"arms": [table["arms"][0] | {"freedom": {"base": {"x": [-1, 1]}}}]}
+    free = Setting.of(table | {"obstacles": [beside]}, tmp_path / "p.toml")
+    assert pair in free.tested
+
+
+def test_the_same_scene_again(pandas: Setting) -> None:
+    again = Scene.of(pandas.problem, pandas.arms)
+    np.testing.assert_array_equal(again.pairs, pandas.scene.pairs)
+
+
+def test_no_pairs_no_distance(tmp_path: Path) -> None:
+    table = cells.planar(1, 2)
+    cell = Setting.of(with_collision(table))
+    assert cell.scene.nearest(cell.at([np.zeros(2)])) is None
+    assert cell.scene.overlapping(cell.at([np.zeros(2)])) is None
+    assert cell.scene.notes == ("the object has no shape: nothing is tested against it",)
+
+
+# Meshes
+
+
+def cube(file: Path, size: float) -> None:
+    """A cube about the origin as binary STL."""
+    corner = np.array(list(itertools.product((-1, 1), repeat=3))) * size / 2
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    data = b"\0" * 80 + struct.pack("<I", 12)
+    for a, b, c, d in quads:
+        for face in ((a, b, c), (a, c, d)):
+            data += struct.pack("<12fH", 0, 0, 0, *corner[list(face)].ravel(), 0)
+    file.write_bytes(data)
+
+
+def chain(shapes: dict[int, str], base: str = "") -> str:
+    """Six links in a row, with shapes."""
+    parts = [link("base", base, mass=False)]
+    for i, axis in enumerate(AXES):
+        parts += [
+            link(f"l{i}", shapes.get(i, "")),
+            joint("base" if i == 0 else f"l{i - 1}", f"l{i}", "revolute", "0.2 0 0", axis),
+        ]
+    return f'<robot name="chain">{"".join(parts)}</robot>'
+
+
+def chain_cell(folder: Path, text: str, **more: object) -> Setting:
+    (folder / "chain.urdf").write_text(text)
+    table = {
+        "format": 1, "name": "c", "task": {"space": "spatial"},
+        "object": {"mass": 1, "inertia": [0.01] * 3, "position": [0.6, 0.9, 0],
+                   "shape": {"kind": "sphere", "radius": 0.05}},
+        "arms": [{"name": "arm", "urdf": "chain.urdf", "tip": "l5",
+                  "grasp": {"position": [0, 0, 0]}}],
+    }  # fmt: skip
+    return Setting.of(with_collision(table | more), folder / "p.toml")
+
+
+def mesh(name: str, scale: str = "1 1 1") -> str:
+    return f'<mesh filename="{name}" scale="{scale}"/>'
+
+
+def test_missing_meshes_are_named_and_visuals_stand_in(tmp_path: Path) -> None:
+    ball = '<sphere radius="0.03"/>'
+    cube(tmp_path / "good.stl", 0.06)
+    (tmp_path / "bad.stl").write_text("solid x\n facet rubbish")
+    cell = chain_cell(
+        tmp_path,
+        chain(
+            {
+                0: collision(mesh("good.stl")),
+                1: collision(mesh("gone.stl")) + collision(ball, tag="visual"),
+                2: collision(mesh("package://nowhere/l2.stl")),
+                3: collision(mesh("bad.stl")) + collision(mesh("bad.stl"), tag="visual"),
+                4: collision(mesh("bad.stl")) + collision(ball, "0 0 0.1"),
+                5: collision(ball),
+            }
+        ),
+    )
+    assert cell.names == ["arm/l0", "arm/l1", "arm/l4", "arm/l5", "object"]
+    shapes = {solid.name: [part.shape for part in solid.parts] for solid in cell.scene.solids}
+    assert shapes["arm/l1"] == [Primitive("sphere", (0.03,))]
+    assert shapes["arm/l4"] == [Primitive("sphere", (0.03,))]
+    assert cell.scene.notes == (
+        "chain.urdf: links tested by visual geometry, for no collision geometry can be read: "
+        "l1 (mesh 'gone.stl' was not found)",
+        "chain.urdf: links tested without some of the collision geometry: "
+        "l4 (bad.stl is no mesh that can be read)",
+        "chain.urdf: links left out of collision tests, for no shape can be read: "
+        "l2 (mesh 'package://nowhere/l2.stl' was not found), "
+        "l3 (bad.stl is no mesh that can be read)",
+    )
+
+
+def test_a_robot_without_collision_elements_is_tested_by_its_visuals(tmp_path: Path) -> None:
+    cell = chain_cell(tmp_path, chain({2: collision('<sphere radius="0.03"/>', tag="visual")}))
+    assert cell.names == ["arm/l2", "object"]
+    assert cell.scene.notes == (
+        "chain.urdf has no collision geometry; its visual geometry is tested",
+    )
+    # One collision element is enough for visuals to be but looks.
+    both = collision('<sphere radius="0.03"/>', tag="visual")
+    cell = chain_cell(tmp_path, chain({2: both, 3: collision('<sphere radius="0.03"/>')}))
+    assert cell.names == ["arm/l3", "object"]
+    assert cell.scene.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("shapes", "base", "why"),
+    [
+        ({}, "", ""),
+        ({}, collision('<box size="1 1 1"/>'), ""),
+        ({3: collision(mesh("gone.stl"))}, "", "gone.stl"),
+    ],
+)
+def test_an_arm_without_geometry_is_refused(
+    tmp_path: Path, shapes: dict[int, str], base: str, why: str
+) -> None:
+    with pytest.raises(InputError) as error:
+        chain_cell(tmp_path, chain(shapes, base))
+    assert error.value.key == "arms[0].urdf"
+    assert error.value.file == tmp_path / "p.toml"
+    assert "chain.urdf has no shape" in str(error.value)
+    assert why in str(error.value)
+
+
+def test_scale_and_places_of_meshes(tmp_path: Path) -> None:
+    (tmp_path / "pack/meshes").mkdir(parents=True)
+    (tmp_path / "pack/urdf").mkdir()
+    cube(tmp_path / "pack/meshes/cube.stl", 100)
+    for name in ("package://pack/meshes/cube.stl", "../meshes/cube.stl",
+                 f"file://{tmp_path}/pack/meshes/cube.stl"):  # fmt: skip
+        shape = collision(mesh(name, "0.001 0.002 0.003"), "0 0 0.5")
+        ball = collision('<sphere radius="0.03"/>')
+        cell = chain_cell(tmp_path / "pack/urdf", chain({1: shape, 5: ball}))
+        assert cell.scene.notes == ()
+        points = outline(cell.scene.solids[0])
+        np.testing.assert_allclose(np.ptp(points, axis=0), [0.1, 0.2, 0.3], atol=1e-6)
+        np.testing.assert_allclose(points.max(axis=0), [0.05, 0.1, 0.65], atol=1e-6)
+    shutil.rmtree(tmp_path / "pack/meshes")
+
+
+def test_what_lies_wholly_within_a_mesh_overlaps_it(tmp_path: Path) -> None:
+    cube(tmp_path / "cube.stl", 0.4)
+    shapes = {5: collision(mesh("cube.stl")), 1: collision('<sphere radius="0.03"/>')}
+    lamp = {"name": "lamp", "shape": {"kind": "sphere", "radius": 0.02}}
+    for x, depth in ((1.2, 0.18), (1.3, 0.08), (1.37, 0.01)):
+        cell = chain_cell(tmp_path, chain(shapes), obstacles=[lamp | {"position": [x, 0, 0]}])
+        where = cell.at([np.zeros(6)])
+        nearest = cell.scene.nearest(where)
+        assert nearest is not None
+        assert nearest.pair == ("arm/l5", "lamp")
+        assert nearest.distance == pytest.approx(-depth, abs=1e-6)
+        assert cell.scene.overlapping(where) == ("arm/l5", "lamp")
+    cell = chain_cell(tmp_path, chain(shapes), obstacles=[lamp | {"position": [1.45, 0, 0]}])
+    nearest = cell.scene.nearest(cell.at([np.zeros(6)]))
+    assert nearest is not None
+    assert nearest.distance == pytest.approx(0.03, abs=1e-6)
+
+
+# The plane
+
+
+def planar_cell(space: str = "planar", **thing: object) -> Setting:
+    shape = {"kind": "box", "size": [0.2, 0.1]}
+    table = cells.planar(2, 3, space)
+    table["object"] |= {"shape": shape, "angle": 0.3} | thing
+    table["arms"][0]["links"][1]["radius"] = 0.05
+    table["obstacles"] = [
+        {"name": "wall", "position": [0.2, -0.6], "angle": 0.4,
+         "shape": {"kind": "box", "size": [0.9, 0.1]}},
+        {"name": "post", "position": [-0.3, 0.6], "shape": {"kind": "disk", "radius": 0.07}},
+    ]  # fmt: skip
+    return Setting.of(with_collision(table))
+
+
+def gap_2d(a: np.ndarray, b: np.ndarray) -> float:
+    """Distance of two convex polygons' edges in the plane, which do not cross: ends to edges."""
+
+    def to_edge(p: np.ndarray, u: np.ndarray, v: np.ndarray) -> float:
+        t = np.clip((p - u) @ (v - u) / max((v - u) @ (v - u), 1e-300), 0, 1)
+        return float(np.linalg.norm(u + t * (v - u) - p))
+
+    def crossing(u: np.ndarray, v: np.ndarray, x: np.ndarray, y: np.ndarray) -> bool:
+        def side(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> float:
+            return float(np.sign((q - p)[0] * (r - p)[1] - (q - p)[1] * (r - p)[0]))
+
+        return side(u, v, x) * side(u, v, y) < 0 and side(x, y, u) * side(x, y, v) < 0
+
+    def edges(p: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        return [(p[i], p[(i + 1) % len(p)]) for i in range(len(p))]
+
+    if any(crossing(*e, *f) for e in edges(a) for f in edges(b)):
+        return 0.0
+    ends = [to_edge(p, *e) for p in a for e in edges(b)] + [
+        to_edge(p, *e) for p in b for e in edges(a)
+    ]
+    return min(ends)
+
+
+@pytest.mark.parametrize("thing", [{}, {"shape": {"kind": "disk", "radius": 0.08}}])
+@pytest.mark.parametrize("seed", range(8))
+def test_planar_distances(thing: dict, seed: int) -> None:
+    cell = planar_cell(**thing)
+    q = cell.drawn(seed)
+    outlines: dict[str, tuple[np.ndarray, float]] = {}
+    for table, angles in zip(cell.table["arms"], q, strict=True):
+        point = np.array(table["base"]["position"], dtype=float)
+        turn = np.cumsum(angles) + table["base"].get("angle", 0.0)
+        for i, (row, a) in enumerate(zip(table["links"], turn, strict=True)):
+            end = point + row["length"] * np.array([math.cos(a), math.sin(a)])
+            outlines[f"{table['name']}/link{i + 1}"] = (
+                np.array([point, end]),
+                row.get("radius", 0.03),
+            )
+            point = end
+    for name, table in [("object", cell.table["object"])] + [
+        (each["name"], each) for each in cell.table["obstacles"]
+    ]:
+        shape, a = table["shape"], table.get("angle", 0.0)
+        if shape["kind"] == "disk":
+            outlines[name] = np.array([table["position"]], dtype=float), shape["radius"]
+        else:
+            R = np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]])
+            corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * np.array(shape["size"]) / 2
+            outlines[name] = corners @ R.T + table["position"], 0.0
+    assert set(outlines) == set(cell.names)
+    where = cell.at(q)
+    least = np.inf
+    for k, (i, j) in enumerate(cell.scene.pairs):
+        (a, r), (b, s) = (outlines[cell.names[n]] for n in (i, j))
+        wanted = gap_2d(a, b) - r - s
+        found = cell.scene.distances.exact(k, where)
+        if wanted > 0:
+            assert found == pytest.approx(wanted, abs=1e-5)
+        else:
+            assert found <= 1e-9
+        least = min(least, wanted)
+    nearest = cell.scene.nearest(where)
+    assert nearest is not None
+    assert nearest.distance == pytest.approx(least, abs=1e-5) or nearest.distance <= 0 >= least
+
+
+def test_planar_pairs() -> None:
+    cell = planar_cell()
+    names = {"a1/link1", "a1/link2", "a1/link3", "a2/link1", "a2/link2", "a2/link3"}
+    assert set(cell.names) == names | {"object", "wall", "post"}
+    free = {
+        ("a1/link1", "a1/link2"), ("a1/link2", "a1/link3"), ("a2/link1", "a2/link2"),
+        ("a2/link2", "a2/link3"), ("a1/link3", "object"), ("a2/link3", "object"),
+        ("wall", "post"),
+    }  # fmt: skip
+    every = {frozenset(pair) for pair in itertools.combinations(cell.names, 2)}
+    assert cell.tested == every - {frozenset(pair) for pair in free}
+    assert cell.scene.notes == ()
