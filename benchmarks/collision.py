@@ -2,10 +2,11 @@
 
     python benchmarks/collision.py [--problems 10] [--output FILE]
 
-Random cells of two Pandas and of two xArm7 with obstacles in their way. Of pairs of closed postures,
-drawn and closed without copose, the best counts that keeps 4 cm more than the clearance, measured on
-the original meshes. The time is that of a search with collision over that without, in one run.
-Writes a page of Markdown.
+Random cells of two Pandas and of two xArm7 with obstacles in their way. Of pairs of closed
+postures, drawn and closed without copose, the best counts that keeps 4 cm more than the clearance,
+measured on the original meshes; links of one arm and the object, which are nearer than that in most
+postures, keep the clearance. The time is that of a search with collision over that without, in one
+run. Writes a page of Markdown.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 import copy
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +50,8 @@ def obstacle(robot: str, number: int, rng: np.random.Generator) -> dict[str, Any
     """A post, a ball or a bar near where elbows may go, away from the object."""
     centre = np.array([0.5, 0.0, 0.5]) if robot == "panda" else np.array([0.42, 0.0, 0.25])
     angle = rng.uniform(-np.pi, np.pi)
-    place = centre + [0.5 * np.cos(angle), 0.5 * np.sin(angle), rng.uniform(-0.1, 0.45)]
+    away = [0.5 * np.cos(angle), 0.5 * np.sin(angle), rng.uniform(-0.1, 0.45)]
+    place = centre + np.array(away)
     shapes = [
         {"kind": "cylinder", "radius": 0.03, "length": 0.5},
         {"kind": "sphere", "radius": 0.08},
@@ -74,12 +77,25 @@ class Bodies:
         """Read the robots."""
         self.problem, self.arms = problem, load_arms(problem)
         self.scene = Scene.of(problem, self.arms)
+        carriers = [solid.carrier for solid in self.scene.solids]
+        own = np.array([
+            carriers[a].arm == carriers[b].arm or "object" in (carriers[a].kind, carriers[b].kind)
+            for a, b in self.scene.pairs
+        ])  # fmt: skip
+        self._own = replace(self.scene, pairs=self.scene.pairs[own])
+        self._others = replace(self.scene, pairs=self.scene.pairs[~own])
 
-    def distance(self, joints: list[Array]) -> float:
+    def clear(self, joints: list[Array]) -> bool:
+        """Whether a posture keeps 4 cm more than the clearance; one arm and the object that."""
+        if self.distance(joints, self._others) < CLEARANCE + BEYOND:
+            return False
+        return self.distance(joints, self._own) >= CLEARANCE
+
+    def distance(self, joints: list[Array], scene: Scene | None = None) -> float:
         """The smallest."""
         bases = [arm.base for arm in self.arms]
         where = carrier_poses(self.arms, bases, joints, self.problem.object.pose)
-        nearest = self.scene.nearest(where)
+        nearest = (self.scene if scene is None else scene).nearest(where)
         return np.inf if nearest is None else nearest.distance
 
 
@@ -99,7 +115,7 @@ def sampled(given: Case, bodies: Bodies) -> float | None:
     table = np.where(np.isfinite(table), table, -np.inf)
     for flat in np.argsort(-table, axis=None)[:LOOKED_AT]:
         i, j = np.unravel_index(flat, table.shape)
-        if bodies.distance([one[i], other[j]]) >= CLEARANCE + BEYOND:
+        if bodies.clear([one[i], other[j]]):
             return float(table[i, j])
     return None
 
@@ -161,8 +177,9 @@ def main() -> None:
     text = "\n".join([
         "# Keeping clear", "",
         f"`python benchmarks/collision.py`, {time.perf_counter() - began:.0f} s. Volume; clearance "
-        f"{1e3 * CLEARANCE:g} mm; *sample*: the best of {DENSE} × {DENSE} closed postures that keeps "
-        f"{1e3 * (CLEARANCE + BEYOND):g} mm on the original meshes.",
+        f"{1e3 * CLEARANCE:g} mm; *sample*: the best of {DENSE} × {DENSE} closed postures that "
+        f"keeps {1e3 * (CLEARANCE + BEYOND):g} mm on the original meshes, {1e3 * CLEARANCE:g} mm "
+        "between links of one arm and to the object.",
         "",
         "| cell | blind | its distance, mm | answer | its distance, mm | sample "
         "| time over blind | clear, no worse |",

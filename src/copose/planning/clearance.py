@@ -241,19 +241,25 @@ class Clearance:
         clear[self.near(cell, q, pairs, 0.0).rows] = False
         return clear
 
-    def exactly(self, cell: Cell, q: Sequence[Array]) -> bool:
-        """Whether a posture, by arm (1, n_i), keeps the clearance in all tested pairs.
+    def exactly(self, cell: Cell, q: Sequence[Array | None], pairs: Indices | None = None) -> bool:
+        """Whether a posture, by arm (1, n_i), keeps the clearance in some tested pairs, or in all.
 
-        Bodies are measured where their capsules are too near.
+        Bodies are measured where their capsules are too near. An arm that is None is in none of
+        the pairs.
         """
-        near = self.near(cell, q, self.every, 0.0, calibrated=False)
+        some = self.every if pairs is None else pairs
+        near = self.near(cell, q, some, 0.0, calibrated=False)
         if not len(near.rows):
             return True
-        where = carrier_poses_of(cell, [mine[0] for mine in q])
+        where = carrier_poses_of(
+            cell,
+            [np.zeros(arm.n) if mine is None else mine[0]
+             for arm, mine in zip(cell.arms, q, strict=True)],
+        )  # fmt: skip
         distances = self.scene.distances
-        pairs = np.unique(self._pair_of[self._owner[near.first], self._owner[near.second]])
-        return not set(pairs.tolist()) & distances.enclosed(where) and all(
-            distances.exact(int(pair), where) >= self._clearance for pair in pairs
+        which = np.unique(self._pair_of[self._owner[near.first], self._owner[near.second]])
+        return not set(which.tolist()) & distances.enclosed(where) and all(
+            distances.exact(int(pair), where) >= self._clearance for pair in which
         )
 
     def calibrate(self, cell: Cell, q: Sequence[Array], within: float = _STOPPING) -> bool:
@@ -395,15 +401,37 @@ class Clearance:
             points[:, self._capsules[i]] = found[:, len(solids) :].reshape(len(mine), -1, 2, 3)
         return Bodies(points, centres)
 
-    def told(self, near: Near) -> str:
-        """What is too near in every posture: the pair that is in the way where least is missing."""
+    def in_the_way(self, cell: Cell, q: Sequence[Array | None], near: Near, most: int) -> str:
+        """What is too near in every posture, by arm (count, n_i): the pair that stops the best.
+
+        Args:
+            cell: with everything where it is.
+            q: the postures; an arm that is None is in no pair.
+            near: pairs of capsules that are too near.
+            most: postures whose bodies are measured, those whose capsules are the least too near.
+        """
         rows = np.unique(near.rows)
-        least = [near.spare[near.rows == row].min() for row in rows]
-        best = rows[int(np.argmax(least))]
-        mine = np.flatnonzero(near.rows == best)
-        k = mine[int(np.argmin(near.spare[mine]))]
-        names = [self.scene.solids[self._owner[c[k]]].name for c in (near.first, near.second)]
-        return f"{names[0]} and {names[1]} are {-near.spare[k]:.3g} m too near, at best"
+        least = np.array([near.spare[near.rows == row].min() for row in rows])
+        found: list[tuple[float, int]] = []
+        for row in rows[np.argsort(-least, kind="stable")[:most]]:
+            mine = near.rows == row
+            pairs = np.unique(self._pair_of[self._owner[near.first[mine]],
+                                            self._owner[near.second[mine]]])  # fmt: skip
+            where = carrier_poses_of(
+                cell,
+                [np.zeros(arm.n) if some is None else some[row]
+                 for arm, some in zip(cell.arms, q, strict=True)],
+            )  # fmt: skip
+            inside = self.scene.distances.enclosed(where)
+            found.append(min(
+                (0.0 if pair in inside else self.scene.distances.exact(int(pair), where), int(pair))
+                for pair in pairs
+            ))  # fmt: skip
+        distance, pair = max(found)
+        a, b = (self.scene.solids[k].name for k in self.scene.pairs[pair])
+        missing = cell.problem.constraints.clearance - max(distance, 0.0)
+        how = "overlap" if distance <= 0 else f"are {missing:.3g} m too near"
+        return f"{a} and {b} {how}, at best"
 
     def drawn(self, cell: Cell, joints: Sequence[Array]) -> dict[str, Matrix]:
         """Capsules of the arms, two ends in the world and a radius each, by arm."""

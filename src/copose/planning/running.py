@@ -296,9 +296,7 @@ class Run:
 
     def blocked(self, found: Found) -> str:
         """What is too near in every posture, and by how much at best."""
-        assert self.machinery.clearance is not None
-        texts = [self.machinery.clearance.told(near) for near in found.blocked]
-        return "no posture keeps the clearance: " + "; ".join(texts)
+        return "no posture keeps the clearance: " + "; ".join(found.blocked)
 
     def allowed(self, measured: Measurement) -> bool:
         """Whether a posture keeps limits and margins, and holds the object where it must."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from copose.planning.cell import Cell
-from copose.planning.clearance import Near
+from copose.planning.clearance import Clearance, Near
 from copose.planning.climbing import SAME_OBJECTIVE, Climbs, Progress, gathered
 from copose.planning.judging import judged
 from copose.planning.machinery import Machinery, Setting
@@ -27,6 +27,8 @@ _AMONG = 64
 # Where torque limits decide, and a climb is not dear, more may be polished: gains differ where a
 # sample is beside a kink.
 _UNLIKE = 2
+# Postures whose bodies are measured where capsules leave none, of so many combinations.
+_MEASURED, _COMBINED = 64, 1024
 # So many times fewer where bodies are in the way of what linear programs judge.
 _BLOCKED = 3
 # Best ends of which all pairs can be judged by linear programs.
@@ -114,7 +116,7 @@ class Found:
     starts: int = 0
     optima: tuple[LocalOptimum, ...] = ()
     failures: tuple[LocalSolve, ...] = ()
-    blocked: tuple[Near, ...] = ()
+    blocked: tuple[str, ...] = ()
 
 
 def search(
@@ -157,7 +159,22 @@ def search(
     optima = () if known is None else (known,)
     if blocked:
         return replace(found, optima=optima, blocked=() if optima else tuple(blocked))
-    return _compared(machinery, setting, samples, postures, near, seed, effort, progress, optima)
+    found = _compared(machinery, setting, samples, postures, near, seed, effort, progress, optima)
+    if found.optima or found.failures:
+        return found
+    return replace(found, blocked=(_mutual(setting, postures, seed),))
+
+
+def _mutual(setting: Setting, postures: Sequence[Array], seed: int) -> str:
+    """Which arms are in each other's way in all combinations, as far as some of them tell."""
+    clearance, cell = setting.clearance, setting.cell
+    assert clearance is not None
+    rng = np.random.default_rng([seed, len(postures), 1])
+    q = [mine[rng.integers(0, len(mine), _COMBINED)] for mine in postures]
+    hit = clearance.near(cell, q, clearance.every, 0.0)
+    if not len(hit.rows):
+        return "none of the combinations that torque limits allow does"
+    return clearance.in_the_way(cell, q, hit, _MEASURED)
 
 
 def _compared(
@@ -309,9 +326,23 @@ def _clear_alone(machinery: Machinery, setting: Setting, i: int, q: Array) -> Ar
     return np.asarray(q[clearance.clear(setting.cell, alone, clearance.own(i))])
 
 
+def _exactly_clear(clearance: Clearance, cell: Cell, i: int, q: Array, hit: Near) -> list[int]:
+    """Postures of arm i, (count, n), whose bodies keep clear though their capsules do not; of those
+    whose capsules are the least too near.
+    """
+    least = np.full(len(q), np.inf)
+    np.minimum.at(least, hit.rows, hit.spare)
+    found = []
+    for k in np.argsort(-least, kind="stable")[:_MEASURED]:
+        alone = [q[k][None] if j == i else None for j in range(len(cell.arms))]
+        if clearance.exactly(cell, alone, clearance.own(i)):
+            found.append(int(k))
+    return found
+
+
 def _cleared(
     machinery: Machinery, setting: Setting, postures: list[Array], neighbours: list[Indices]
-) -> tuple[list[Array], list[Indices], list[Near]]:
+) -> tuple[list[Array], list[Indices], list[str]]:
     """Postures of each arm that keep clear of itself and of what stands still; and where none of
     an arm's does, or the object itself is in the way, what comes too near.
     """
@@ -320,7 +351,9 @@ def _cleared(
     nothing: list[Array | None] = [None] * len(postures)
     clearance.loosen(cell, nothing, clearance.still)
     hit = clearance.near(cell, nothing, clearance.still, 0.0)
-    blocked = [hit] if len(hit.rows) else []
+    blocked = []
+    if len(hit.rows) and not clearance.exactly(cell, nothing, clearance.still):
+        blocked.append(clearance.in_the_way(cell, nothing, hit, 1))
     kept, near = [], []
     for i, mine in enumerate(postures):
         alone = [mine if j == i else None for j in range(len(postures))]
@@ -329,7 +362,10 @@ def _cleared(
         clear = np.ones(len(mine), dtype=bool)
         clear[hit.rows] = False
         if not clear.any():
-            blocked.append(hit)
+            # Capsules would have it that nothing is clear: bodies decide.
+            clear[_exactly_clear(clearance, cell, i, mine, hit)] = True
+        if not clear.any():
+            blocked.append(clearance.in_the_way(cell, alone, hit, _MEASURED))
         number = np.cumsum(clear) - 1
         # A neighbour that is gone is none: a posture beside itself changes nothing.
         others = neighbours[i][clear]
