@@ -155,6 +155,11 @@ SPATIAL = [
     ),
     ("cases", [{"name": "a"}, {"name": "a"}], "two cases are called 'a'; give each its own"),
     ("cases", [{"name": "a", "direction": [1, 0, 0]}], "objective 'volume' has no direction"),
+    (
+        "obstacles",
+        [{"name": "left", "shape": {"kind": "sphere", "radius": 1.0}, "position": [0, 0, 0]}],
+        "obstacles[0].name: 'left' is the object's or an arm's; give it its own",
+    ),
     ("arms.0.fixed", True, "a fixed arm is held at its start, which is missing; give one"),
 ]
 

@@ -46,6 +46,8 @@ def evaluate(
     cell, freedom = Cell.of(problem), Freedom.of(problem)
     x = freedom.nominal
     if isinstance(joints, Solution):
+        if joints.cases is not None:
+            raise InputError("are several postures; evaluate takes one", key="cases")
         if joints.after is None:
             raise InputError("has no posture: null", key="after")
         x, joints = freedom.stated(problem, joints, "after"), joints.after.joints

@@ -46,6 +46,12 @@ def _unit_notes(cell: Cell) -> list[str]:
             "the object, which may spin"
             + ("; acceleration, payload and static_torque do not" if limited else "")
         )
+    twisted = [arm.name for arm in cell.problem.arms if arm.freedom.grasp.twist is not None]
+    if twisted and not space.rigid:
+        notes.append(
+            f"the twist of the grasp of {', '.join(twisted)} has no effect: contacts of space "
+            f"{space.name!r} hold no orientation"
+        )
     if np.any(cell.velocity) and (limited or constraints.static_torque):
         notes.append("what torque limits allow is told of rest; object.velocity does not enter")
     grips = [grip for arm in cell.problem.arms for grip in (arm.grip.force, arm.grip.moment)]

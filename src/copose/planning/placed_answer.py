@@ -167,7 +167,9 @@ class PlacedRun:
         self, search: PlacementSearch, found: Placements
     ) -> tuple[Status, str, Measurement | None]:
         """Status, reason and the nearest miss of a search that found nothing."""
-        wherever = f"; none of {found.tried} placements within the ranges that are free does better"
+        wherever = ""
+        if found.tried > 1:
+            wherever = f"; none of {found.tried} placements within the free ranges does better"
         names = search.case_names
         for k, each in enumerate(found.first):
             if any(len(sample.closed) == 0 for sample in each.samples):
@@ -179,7 +181,8 @@ class PlacedRun:
         for k, each in enumerate(found.first):
             if each.blocked:
                 one = replace(self.run, setting=search.setting(k, search.nominal[k]))
-                return "infeasible", one.blocked(each) + wherever, None
+                in_case = f"in case {names[k]!r} " if names[k] else ""
+                return "infeasible", in_case + one.blocked(each) + wherever, None
         if found.closed == 0:
             one = replace(self.run, setting=search.setting(0, search.nominal[0]))
             _, beyond = one.within_limits(found.first[0])

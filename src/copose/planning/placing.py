@@ -28,14 +28,14 @@ if TYPE_CHECKING:
 # Placements that are searched with one free coordinate, twice as many with each more, and at most;
 # postures that are polished. So many of them where a search takes many programs.
 _PLACEMENTS = {"low": (8, 32), "normal": (32, 128), "high": (64, 512)}
-_POLISHED = {"low": 12, "normal": 48, "high": 128}
+_POLISHED = {"low": 24, "normal": 96, "high": 512}
 _DEAR, _GLANCED = 2, 3
 # Where hardly half of them let the arms close, so many times as many are drawn; and where that is
 # of little use, others are looked for. Rounds of searching where polishing ended, with so many
 # placements around it, within such a part of the ranges.
 _INSIST = 3
 _FEW, _ROUNDS, _AROUND, _NEAR = 0.25, 4, 8, 0.1
-_OF_EACH, _ENDS = 2, 3
+_OF_EACH, _ENDS, _BEST_AROUND = 4, 3, 2
 # Cases of which all combinations of their best are told apart.
 _MULTIPLIED = 4
 # Runs of IPOPT from one start, the first of which wander, and how much nearer the next stays after
@@ -152,7 +152,7 @@ class PlacementSearch:
                 around += self._at(xs, self._glance)[1][:1]
                 tried += 1
             around.sort(key=lambda start: -start.value)
-            more += around[:_OF_EACH]
+            more += around[:_BEST_AROUND]
             ends += [self.polish(start) for start in self._unlike(more, ends)]
             if not max(end.value for end in ends) > best[0].value + SAME_OBJECTIVE:
                 break
@@ -171,11 +171,13 @@ class PlacementSearch:
     def _most(self) -> int:
         """Placements that are searched."""
         one, most = _PLACEMENTS[self._effort]
-        return max(8, min(one << max(0, len(self._freedom) - 1), most) // self._cost)
+        dear = 1 if self._machinery.smooth else _DEAR
+        return max(8, min(one << max(0, len(self._freedom) - 1), most) // dear)
 
     @property
     def _cost(self) -> int:
-        return 1 if self._machinery.smooth else _DEAR
+        """By how much a program here is dearer than one for the volume of one case."""
+        return len(self._cases) * (1 if self._machinery.smooth else _DEAR)
 
     @property
     def _glance(self) -> Effort:
@@ -247,7 +249,7 @@ class PlacementSearch:
         self._closed += 1
         # What is best in one case alone need not be where all are served best: the best sums of
         # what is among the best of every case start too.
-        counts = [range(min(len(each.optima), _OF_EACH + 2)) for each in found]
+        counts = [range(min(len(each.optima), _OF_EACH)) for each in found]
         if len(found) <= _MULTIPLIED:
             choices = list(product(*counts))
         else:
@@ -261,7 +263,7 @@ class PlacementSearch:
             value = sum(w * o.objective for w, o in zip(self.weights, optima, strict=True))
             starts.append(Placed(xs, tuple(o.q for o in optima), float(value)))
         starts.sort(key=lambda start: -start.value)
-        return tuple(found), starts[: (_OF_EACH + 2) * len(found)]
+        return tuple(found), starts[: _OF_EACH * len(found)]
 
     def _reached(self, x: Array, rng: np.random.Generator) -> Iterator[Everywhere]:
         """A placement near x, (d,), at which random postures of all arms close, in every case."""

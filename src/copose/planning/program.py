@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -102,9 +103,18 @@ class _Solver:
     """IPOPT on: minimise −value subject to constraints and bounds on the joints."""
 
     def __init__(
-        self, task: _Task, places: Places | None = None, *, exact_hessian: bool = False
+        self,
+        task: _Task,
+        places: Places | None = None,
+        *,
+        exact_hessian: bool = False,
+        quick: bool = False,
     ) -> None:
-        """Build the solver of a task, or of one for each of the cases of ``places``."""
+        """Build the solver of a task, or of one for each of the cases of ``places``.
+
+        Where many solves follow each other from near their ends quasi-Newton steps come first: they
+        take a sixth of the time, and more only where they fail.
+        """
         if places is None:
             moving, beside, given = task.q, task.beside, ca.vertcat(task.parameters, task.numbers)
             value, g = task.value, task.stacked
@@ -124,18 +134,43 @@ class _Solver:
         self._lower = np.concatenate([c.lower for c, _ in constraints])
         self._upper = np.concatenate([c.upper for c, _ in constraints])
         self._free = np.full(beside.numel(), np.inf)
+        self._exact_hessian, self._differenced = exact_hessian, moving.numel()
+        self._quick: ca.Function | None = None
+        if quick and not exact_hessian:
+            options = _IPOPT | {"ipopt.hessian_approximation": "limited-memory"}
+            self._quick = ca.nlpsol("posture", "ipopt", self.expressions, options)
+        else:
+            assert self._solver is not None
+
+    @cached_property
+    def _solver(self) -> ca.Function:
         options = dict(_IPOPT)
-        if exact_hessian:
+        if self._exact_hessian:
             # Starts keep torque limits already.
             options["ipopt.mu_init"] = 1e-2
         else:
-            options["hess_lag"] = differenced_hessian(self.expressions, moving.numel())
-        self._solver = ca.nlpsol("posture", "ipopt", self.expressions, options)
+            options["hess_lag"] = differenced_hessian(self.expressions, self._differenced)
+        return ca.nlpsol("posture", "ipopt", self.expressions, options)
 
     def run(
         self, start: Array, extra: Array, parameters: Array, lower: Array, upper: Array
     ) -> LocalSolve:
-        answer = self._solver(
+        if self._quick is not None:
+            end = self._run(self._quick, start, extra, parameters, lower, upper)
+            if end.converged:
+                return end
+        return self._run(self._solver, start, extra, parameters, lower, upper)
+
+    def _run(
+        self,
+        solver: ca.Function,
+        start: Array,
+        extra: Array,
+        parameters: Array,
+        lower: Array,
+        upper: Array,
+    ) -> LocalSolve:
+        answer = solver(
             x0=np.concatenate([start, extra]),
             p=parameters,
             lbx=np.concatenate([lower, -self._free]),
@@ -143,7 +178,7 @@ class _Solver:
             lbg=self._lower,
             ubg=self._upper,
         )
-        stats = self._solver.stats()
+        stats = solver.stats()
         values = np.array(answer["g"]).ravel()
         excess = np.maximum(np.maximum(self._lower - values, values - self._upper), 0.0)
         return LocalSolve(
@@ -248,7 +283,9 @@ class PostureProgram:
             self._gram = ca.Function("gram", [system.q, system.parameters], [gram])
             if formulation.smooth is not None:
                 stand_in = task(ca.SX(0, 1), formulation.smooth, constraints)
-                self._smooth = _Solver(stand_in, places)
+                self._smooth = _Solver(
+                    stand_in, places, quick=kept_apart is not None and places is None
+                )
             if formulation.zero.numel():
                 constraints += (equality("bounds on the semi-axes", formulation.zero, "1"),)
             whole = task(formulation.extra, formulation.value, constraints)
@@ -266,7 +303,12 @@ class PostureProgram:
             beside = [addition.variables, *beside]
             whole = task(ca.SX(0, 1), addition.value, (*constraints, *addition.constraints))
         self.constraints = whole.constraints
-        self._exact = _Solver(whole, places, exact_hessian=isinstance(objective, LimitsMeasure))
+        self._exact = _Solver(
+            whole,
+            places,
+            exact_hessian=isinstance(objective, LimitsMeasure),
+            quick=kept_apart is not None and places is None,
+        )
         self.rows, self.expressions = self._exact.rows, self._exact.expressions
 
     def gram_at(self, q: Array, parameters: Array) -> Array:

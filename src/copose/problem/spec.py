@@ -74,7 +74,7 @@ class Problem(Spec):
     objective: ObjectiveSpec = VolumeObjective()
     world: WorldSpec | PlanarWorldSpec = WorldSpec()
     constraints: ConstraintsSpec = ConstraintsSpec()
-    obstacles: tuple[Obstacle, ...] | tuple[PlanarObstacle, ...] = ()
+    obstacles: tuple[Obstacle | PlanarObstacle, ...] = ()
     cases: tuple[Case, ...] | tuple[PlanarCase, ...] = ()
     search: SearchSpec = SearchSpec()
 
@@ -128,7 +128,27 @@ class Problem(Spec):
             self._check_case(case, f"cases[{i}]")
         return self
 
+    @model_validator(mode="after")
+    def _places_make_sense(self) -> Problem:
+        for i, arm in enumerate(self.arms):
+            turns = arm.freedom.base.yaw is not None
+            if turns and self.constraints.internal_force is not None:
+                raise fault(
+                    f"arms[{i}].freedom.base.yaw",
+                    "and constraints.internal_force exclude each other; leave out one of them",
+                )
+        taken = {"object", *(arm.name for arm in self.arms)}
+        for i, obstacle in enumerate(self.obstacles):
+            if obstacle.name in taken:
+                raise fault(
+                    f"obstacles[{i}].name",
+                    f"{shown(obstacle.name)} is the object's or an arm's; give it its own",
+                )
+        return self
+
     def _check_case(self, case: CaseSpec, key: str) -> None:
+        if case.mass is not None and isinstance(self.objective, PayloadObjective):
+            raise fault(f"{key}.mass", "has no effect: objective 'payload' is about any mass")
         if case.direction is None:
             return
         kind = self.objective.kind

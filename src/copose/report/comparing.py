@@ -13,7 +13,7 @@ from copose.errors import InputError
 from copose.report import style
 from copose.report.columns import plain_table
 from copose.report.limits import limit_values
-from copose.report.placement import distance_rows
+from copose.report.placement import ANGLES, distance_rows, offset
 from copose.report.slices import angular_slice, linear_slice
 from copose.results import Posture, Solution
 
@@ -65,8 +65,8 @@ def compare(one: Solution, other: Solution, names: tuple[str, str] = ("A", "B"))
 def comparison_table(comparison: Comparison) -> RenderableType:
     """Figures of both, and how far each joint is apart."""
     if comparison.cases:
-        return Group(_totals(comparison), *_where(comparison))
-    return Group(_figures(comparison), Text(""), _joints(comparison))
+        return Group(_totals(comparison), *_free(comparison), *_where(comparison))
+    return Group(_figures(comparison), *_free(comparison), Text(""), _joints(comparison))
 
 
 def _totals(comparison: Comparison) -> Table:
@@ -81,6 +81,24 @@ def _totals(comparison: Comparison) -> Table:
         table.add_row(Text(f"case {name}"), *cells)
     _add_distances(table, comparison)
     return table
+
+
+def _free(comparison: Comparison) -> list[RenderableType]:
+    """Where either has what was free; nothing where nothing was."""
+    both = [
+        {record.name: offset(record.after) for record in solution.freedom}
+        for solution in comparison.solutions
+    ]
+    names = list(both[0] | both[1])
+    if not names:
+        return []
+    table = plain_table("free: offset to its file's pose")
+    for name in (*comparison.names, ""):
+        table.add_column(Text(name), justify="right", overflow="fold")
+    for name in names:
+        unit = "rad" if name.rpartition(".")[2] in ANGLES else "m"
+        table.add_row(Text(name), *(each.get(name, "–") for each in both), unit)
+    return [Text(""), table]
 
 
 def _where(comparison: Comparison) -> list[Text]:

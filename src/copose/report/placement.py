@@ -16,7 +16,7 @@ from copose.report.limits import limit_values
 from copose.report.titles import pair_words
 from copose.results import CasePosture, FreeRecord, Posture, SearchRecord, Solution
 
-_ANGLES = ("roll", "pitch", "yaw", "angle", "twist")
+ANGLES = ("roll", "pitch", "yaw", "angle", "twist")
 # An offset nearer to an end of its range, as a share of the range, is at that end.
 _END = 1e-4
 # Cases whose joints are listed.
@@ -33,20 +33,21 @@ def free_tables(solution: Solution) -> list[Table]:
         table.add_column(title, justify="right")
     table.add_column("")
     for record in solution.freedom:
-        cells = [_offset(record.before)] * compared + [_offset(record.after)]
+        cells = [offset(record.before)] * compared + [offset(record.after)]
         span = f"{record.lower:g} … {record.upper:g}"
         table.add_row(Text(record.name), span, *cells, _meaning(record))
     return [table]
 
 
-def _offset(value: float | None) -> str:
+def offset(value: float | None) -> str:
+    """An offset with its sign, m or rad; a dash where there is none."""
     return "–" if value is None else f"{round(value, 4) + 0.0:+.4f}"
 
 
 def _meaning(record: FreeRecord) -> str:
     """Unit, an angle in degrees too, and whether a wider range would have let it go on."""
     now = record.after
-    if record.name.rpartition(".")[2] not in _ANGLES:
+    if record.name.rpartition(".")[2] not in ANGLES:
         words = "m"
     else:
         words = "rad" if now is None else f"rad, {round(math.degrees(now), 1) + 0.0:+g}°"

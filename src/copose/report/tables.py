@@ -168,6 +168,8 @@ def chains(name: str, space: str, arms: tuple[Arm, ...], notes: tuple[str, ...])
         if arm.locked:
             held = ", ".join(f"{joint.name} = {joint.position:g}" for joint in arm.locked)
             parts.append(Text(f"locked: {held}"))
+        if arm.fixed:
+            parts.append(Text("fixed: held at its start"))
         parts.append(Text(""))
     parts += _notes(notes)
     return Group(*parts)
