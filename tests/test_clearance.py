@@ -172,7 +172,8 @@ def test_the_same_seed_on_one_planner_gives_the_same(between_walls: copose.Plann
 
     first, other = between_walls.solve(seed=3), between_walls.solve(seed=4)
     assert told(between_walls.solve(seed=3)) == told(first)
-    assert other.objective.after == pytest.approx(first.objective.after, abs=1e-5)
+    # How near bodies are brought differs a little with where a climb began.
+    assert other.objective.after == pytest.approx(first.objective.after, abs=1e-3)
 
 
 # The plane: shapes by their corners and a radius, distances by plane geometry
@@ -613,9 +614,11 @@ def test_torques_at_rest_and_clearance_together() -> None:
     table = planar(1, "planar")
     table["world"] = {"gravity": [0, -9.81]}
     for arm in table["arms"]:
-        arm["torque_limits"] = [14.0, 9.0, 6.0, 4.0]
+        arm["torque_limits"] = [11.2, 7.2, 4.8, 3.2]
     clear = copose.Planner(copose.parse(table)).solve()
     table["constraints"]["static_torque"] = True
+    torques = copose.evaluate(copose.parse(table), clear)
+    assert torques.status == "infeasible" or max(map(max, torques.after.static_torque.values())) > 1
     solution = copose.Planner(copose.parse(table)).solve()
     assert solution.status == "solved", solution.reason
     plainly_clear(table, solution)

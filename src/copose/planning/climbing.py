@@ -25,7 +25,7 @@ _TIE = 1e-8
 # Ends that did not converge matter where they come near the best.
 _NEAR_BEST = 1e-2
 # Climbs that bodies stop of which IPOPT goes on, the best starts first.
-_STOPPED = 6
+_STOPPED = 16
 _KINKED = 10
 # Starts that are polished at a time, and how many times the largest gain so far the next may hope
 # for.
@@ -131,7 +131,7 @@ class Climbs:
         left = _left(setting.cell, ends, solved | ~held, machinery.smooth, self._most)
         # Where torque limits or bodies end a climb IPOPT climbs with them, from a start that keeps
         # them; but where not even the climb without them came up to the best, it is no use.
-        stopped = ~held & machinery.allowed(setting, starts)
+        stopped = ~held & machinery.allowed(setting, starts, ends.value > self.best)
         if setting.clearance is not None:
             rows = np.flatnonzero(stopped & (ends.value > self.best))
             scores = machinery.objectives(setting, starts[rows])

@@ -82,6 +82,11 @@ class Setting:
     held_ties: tuple[Array, ...]
     clearance: Clearance | None
 
+    def fresh(self) -> Setting:
+        """The same, with nothing known yet of how near bodies come there."""
+        clearance = self.clearance
+        return self if clearance is None else replace(self, clearance=clearance.fresh())
+
     @property
     def bounds(self) -> tuple[Array, Array]:
         """Limits of all joints, stacked."""
@@ -388,6 +393,14 @@ class Machinery:
         for start, wanted in zip(q, demands, strict=True):
             yield self._exchanged(setting, start, wanted)
 
+    def solve_near(self, setting: Setting, q: Array, room: float) -> LocalSolve:
+        """A run of IPOPT from a posture, (N,), in which no joint goes farther than ``room``."""
+        if isinstance(setting.objective, LimitsMeasure):
+            return next(self.solve_programs(setting, q[None]))
+        lower, upper = setting.bounds
+        box = np.maximum(lower, q - room), np.minimum(upper, q + room)
+        return next(self._programs(setting, q[None], None, box))
+
     def _exchanged(self, setting: Setting, start: Array, demands: tuple[Demand, ...]) -> LocalSolve:
         """Runs of IPOPT until no demand is left out, each better than the one before.
 
@@ -442,13 +455,16 @@ class Machinery:
             for _ in range(_COLLISIONS):
                 given = np.concatenate([wanted, self.capsules(here, slots, mine)])
                 end = self._run(here, slots, start, given, more, bounds)
+                if not end.converged:
+                    break
                 value = self.objectives(setting, end.q[None])[0]
-                found = self.runs_into(here, end.q) if value > best else NOTHING_NEAR
+                # Where a run is dear: what keeps clear of more will hardly be better.
+                worse = self.capacity is not None and not value > best
+                found = NOTHING_NEAR if worse else self.runs_into(here, end.q)
                 if found is None:
                     best = max(best, value) if end.converged else best
                     break
-                if not value > best:
-                    # What keeps clear of more will not be better.
+                if worse:
                     end = replace(end, converged=False, status="Below_Best")
                     break
                 # What it has run into joins the pairs that matter.

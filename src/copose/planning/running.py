@@ -44,8 +44,9 @@ EffortName: TypeAlias = Literal["low", "normal", "high"]
 CLOSURE_TOLERANCE = 1e-8
 _STANDS = 1e-6
 _NUDGES = 8
-# Solves that bring an optimum as near to bodies as they allow, and a relative gain that is none.
-_TIGHTENINGS, _TIGHT = 5, 1e-5
+# Solves that bring an optimum as near to bodies as they allow, a relative
+# gain that is none, and how far the first goes, rad or m.
+_TIGHTENINGS, _TIGHT, _ROOM = 8, 1e-6, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +94,8 @@ class Run:
             return answer(
                 cell,
                 objective,
-                status="infeasible",
+                # Of more than two arms not all combinations are looked at.
+                status="infeasible" if len(cell.arms) <= 2 else "failed",
                 reason=self.blocked(found),
                 notes=notes,
                 before=before,
@@ -210,19 +212,20 @@ class Run:
         machinery, setting = self.machinery, self.setting
         if setting.clearance is None or not found.optima:
             return found
-        best, start = None, found.optima[0]
+        best, start, room = None, found.optima[0], _ROOM
         for _ in range(_TIGHTENINGS):
-            fits = machinery.exactly(setting, start.q)
             gain = np.inf if best is None else start.objective - best.objective
-            if fits and gain > 0:
+            if machinery.exactly(setting, start.q) and gain > 0:
                 best = start
-            if fits and gain <= _TIGHT * max(1.0, abs(start.objective)):
-                break
-            ends = list(machinery.solve_programs(setting, start.q[None]))
-            if not ends[0].converged:
-                break
-            value = machinery.objectives(setting, ends[0].q[None])[0]
-            start = LocalOptimum(ends[0].q, float(value), 1)
+                if gain <= _TIGHT * max(1.0, abs(start.objective)):
+                    break
+            elif best is not None:
+                # Near a posture its calibration holds.
+                room /= 4
+            here = start.q if best is None else best.q
+            end = machinery.solve_near(setting, here, room)
+            value = machinery.objectives(setting, end.q[None])[0] if end.converged else -np.inf
+            start = LocalOptimum(end.q, float(value), 1)
         rest = found.optima[1:]
         return replace(found, optima=rest if best is None else (best, *rest))
 

@@ -25,6 +25,9 @@ _UNHELD = 1e9
 # Entries of a table that are asked for at a time whether they are allowed, and at most; and how
 # many that stand out are enough.
 _LOOKED_AT, _MOST_LOOKED_AT, _STANDING_OUT = 512, 16384, 256
+# Where there are more than two arms: combinations that allowed exchanges improve, and exchanges
+# that are asked for at a time.
+_IMPROVED, _EXCHANGED = 16, 64
 
 
 class Score:
@@ -109,7 +112,7 @@ def screen(
     """
     if len(terms) > 2:
         found = _exchanged(score, given, terms, rng, starts)
-        return found if allowed is None else _sifted(found, allowed)
+        return found if allowed is None else _sifted(score, given, terms, rng, found, allowed)
     table = _table(score, given, terms)
     if allowed is not None:
         return _standing_out(table, neighbours, allowed)
@@ -152,11 +155,43 @@ def _standing_out(
     return Screened(every, table[tuple(every.T)], table.size)
 
 
-def _sifted(screened: Screened, allowed: Callable[[Indices], Mask]) -> Screened:
-    """Those combinations that are allowed."""
-    some = screened.chosen[:_MOST_LOOKED_AT]
-    fine = allowed(some)
-    return Screened(some[fine], screened.scores[:_MOST_LOOKED_AT][fine], screened.combinations)
+def _sifted(
+    score: Score,
+    given: Array,
+    terms: Sequence[Array],
+    rng: np.random.Generator,
+    screened: Screened,
+    allowed: Callable[[Indices], Mask],
+) -> Screened:
+    """The allowed ones, with random combinations that are, improved by allowed exchanges alone."""
+    counts = [len(mine) for mine in terms]
+    drawn = rng.integers(0, counts, (_LOOKED_AT * len(counts), len(counts)))
+    some = np.unique(np.vstack([screened.chosen[:_MOST_LOOKED_AT], drawn]), axis=0)
+    some = some[allowed(some)]
+
+    def scores(chosen: Indices) -> Array:
+        sums = np.sum([mine[k] for mine, k in zip(terms, chosen.T, strict=True)], axis=0)
+        return _table(score, given, [sums]) if len(chosen) else np.zeros(0)
+
+    ranked = _ranked(some, scores(some), 0)
+    best, seen = ranked.chosen[:_IMPROVED].copy(), [ranked.chosen]
+    for _ in range(_SWEEPS):
+        before = best.copy()
+        for row in best:
+            for k, count in enumerate(counts):
+                others = np.tile(row, (count, 1))
+                others[:, k] = np.arange(count)
+                worth = scores(others)
+                order = np.argsort(-worth, kind="stable")
+                order = order[worth[order] > worth[row[k]]][:_EXCHANGED]
+                fine = order[allowed(others[order])] if len(order) else order
+                if len(fine):
+                    row[k] = fine[0]
+        seen.append(best.copy())
+        if np.array_equal(best, before):
+            break
+    every = np.unique(np.vstack(seen), axis=0)
+    return _ranked(every, scores(every), screened.combinations + len(some))
 
 
 def _table(score: Score, given: Array, terms: Sequence[Array]) -> Array:

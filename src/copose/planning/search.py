@@ -27,8 +27,9 @@ _AMONG = 64
 # Where torque limits decide, and a climb is not dear, more may be polished: gains differ where a
 # sample is beside a kink.
 _UNLIKE = 2
-# Postures whose bodies are measured where capsules leave none, of so many combinations.
-_MEASURED, _COMBINED = 64, 1024
+# Postures whose bodies are measured where capsules leave none of an arm's, and where they leave
+# some; and combinations of which some are told.
+_MEASURED, _MEASURED_CLEAR, _COMBINED = 64, 32, 1024
 # So many times fewer where bodies are in the way of what linear programs judge.
 _BLOCKED = 3
 # Best ends of which all pairs can be judged by linear programs.
@@ -155,14 +156,26 @@ def search(
     known = machinery.first_apart(setting, found.optima)
     if known is not None and known is found.optima[0]:
         return replace(found, optima=(known,))
-    postures, near, blocked = _cleared(machinery, setting, postures, near)
-    optima = () if known is None else (known,)
+    whole, least, blocked = _cleared(setting, postures, near)
+    optima: tuple[LocalOptimum, ...] = () if known is None else (known,)
     if blocked:
         return replace(found, optima=optima, blocked=() if optima else tuple(blocked))
-    found = _compared(machinery, setting, samples, postures, near, seed, effort, progress, optima)
+    # First those whose capsules keep clear too: from them climbs fail less.
+    rounds = [some for some in (least, whole) if all(map(len, some[0]))]
+    if len(rounds) == 2 and (not machinery.newton or _counts(least) == _counts(whole)):
+        rounds = rounds[:1]
+    for postures, near in rounds:
+        found = _compared(
+            machinery, setting, samples, postures, near, seed, effort, progress, optima
+        )
+        optima = found.optima
     if found.optima or found.failures:
         return found
     return replace(found, blocked=(_mutual(setting, postures, seed),))
+
+
+def _counts(some: tuple[list[Array], list[Indices]]) -> list[int]:
+    return [len(mine) for mine in some[0]]
 
 
 def _mutual(setting: Setting, postures: Sequence[Array], seed: int) -> str:
@@ -326,14 +339,17 @@ def _clear_alone(machinery: Machinery, setting: Setting, i: int, q: Array) -> Ar
     return np.asarray(q[clearance.clear(setting.cell, alone, clearance.own(i))])
 
 
-def _exactly_clear(clearance: Clearance, cell: Cell, i: int, q: Array, hit: Near) -> list[int]:
+def _exactly_clear(
+    clearance: Clearance, cell: Cell, i: int, q: Array, hit: Near, most: int
+) -> list[int]:
     """Postures of arm i, (count, n), whose bodies keep clear though their capsules do not; of those
     whose capsules are the least too near.
     """
     least = np.full(len(q), np.inf)
     np.minimum.at(least, hit.rows, hit.spare)
     found = []
-    for k in np.argsort(-least, kind="stable")[:_MEASURED]:
+    rows = np.flatnonzero(np.isfinite(least))
+    for k in rows[np.argsort(-least[rows], kind="stable")[:most]]:
         alone = [q[k][None] if j == i else None for j in range(len(cell.arms))]
         if clearance.exactly(cell, alone, clearance.own(i)):
             found.append(int(k))
@@ -341,10 +357,11 @@ def _exactly_clear(clearance: Clearance, cell: Cell, i: int, q: Array, hit: Near
 
 
 def _cleared(
-    machinery: Machinery, setting: Setting, postures: list[Array], neighbours: list[Indices]
-) -> tuple[list[Array], list[Indices], list[str]]:
-    """Postures of each arm that keep clear of itself and of what stands still; and where none of
-    an arm's does, or the object itself is in the way, what comes too near.
+    setting: Setting, postures: list[Array], neighbours: list[Indices]
+) -> tuple[tuple[list[Array], list[Indices]], tuple[list[Array], list[Indices]], list[str]]:
+    """Postures of each arm that keep clear of itself and of what stands still, with those next to
+    each; the same of which the capsules do too; and where none of an arm's is clear, or the object
+    itself is in the way, what comes too near.
     """
     clearance, cell = setting.clearance, setting.cell
     assert clearance is not None
@@ -354,25 +371,33 @@ def _cleared(
     blocked = []
     if len(hit.rows) and not clearance.exactly(cell, nothing, clearance.still):
         blocked.append(clearance.in_the_way(cell, nothing, hit, 1))
-    kept, near = [], []
+    whole: tuple[list[Array], list[Indices]] = ([], [])
+    least: tuple[list[Array], list[Indices]] = ([], [])
     for i, mine in enumerate(postures):
         alone = [mine if j == i else None for j in range(len(postures))]
         clearance.loosen(cell, alone, clearance.own(i))
         hit = clearance.near(cell, alone, clearance.own(i), 0.0)
         clear = np.ones(len(mine), dtype=bool)
         clear[hit.rows] = False
-        if not clear.any():
-            # Capsules would have it that nothing is clear: bodies decide.
-            clear[_exactly_clear(clearance, cell, i, mine, hit)] = True
+        _keep(least, mine, neighbours[i], clear)
+        # Where capsules are a little too near, or leave nothing, bodies decide.
+        measured = _MEASURED_CLEAR if clear.any() else _MEASURED
+        clear[_exactly_clear(clearance, cell, i, mine, hit, measured)] = True
+        _keep(whole, mine, neighbours[i], clear)
         if not clear.any():
             blocked.append(clearance.in_the_way(cell, alone, hit, _MEASURED))
-        number = np.cumsum(clear) - 1
-        # A neighbour that is gone is none: a posture beside itself changes nothing.
-        others = neighbours[i][clear]
-        own = np.flatnonzero(clear)[:, None]
-        near.append(number[np.where(clear[others], others, own)])
-        kept.append(mine[clear])
-    return kept, near, blocked
+    return whole, least, blocked
+
+
+def _keep(
+    some: tuple[list[Array], list[Indices]], q: Array, neighbours: Indices, clear: Mask
+) -> None:
+    """Add the clear ones of an arm's postures, (count, n), and their neighbours."""
+    number = np.cumsum(clear) - 1
+    # A neighbour that is gone is none: a posture beside itself changes nothing.
+    others, own = neighbours[clear], np.flatnonzero(clear)[:, None]
+    some[0].append(q[clear])
+    some[1].append(number[np.where(clear[others], others, own)])
 
 
 def _distinct(
