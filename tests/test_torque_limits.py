@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
@@ -217,6 +217,7 @@ def test_many_postures_at_once_are_worth_what_each_is(space: str) -> None:
 
 
 @given(st.integers(0, 10**6), st.integers(2, 9), st.integers(1, 20))
+@example(13010, 6, 6)
 @settings(max_examples=60, deadline=None)
 def test_small_linear_programs(seed: int, p: int, more: int) -> None:
     """Batched programs against HiGHS: feasible, infeasible and unbounded ones."""
@@ -228,10 +229,10 @@ def test_small_linear_programs(seed: int, p: int, more: int) -> None:
     cost[0] = -1.0
     for k in range(8):
         answer = linprog(cost, A[k], b[k], bounds=(None, None), options=EXACT)
-        if answer.success and abs(answer.x[0]) < 1e3:
+        if answer.success and abs(answer.x[0]) < 1e4:
             assert x[k, 0] == pytest.approx(answer.x[0], rel=1e-6, abs=1e-7)
         elif not answer.success:
-            assert np.isnan(x[k, 0]) or abs(x[k, 0]) > 1e3
+            assert np.isnan(x[k, 0]) or abs(x[k, 0]) > 1e4
 
 
 class TestContactWrenches:

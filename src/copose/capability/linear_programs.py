@@ -14,8 +14,9 @@ from copose.poses import Array
 
 _ITERATIONS = 40
 _TOLERANCE = 1e-10
-# From here on rounding may be all that is left of a program whose optimum is not unique.
-_GOOD, _POOR = 1e-8, 1e-6
+# From here on rounding may be all that is left of a program whose optimum is not unique; between
+# the last two it cannot be told whether there is one, and the library is asked.
+_GOOD, _POOR, _NONE = 1e-8, 1e-6, 1e-3
 _BACK = 0.995
 # Iterates beyond this have found no end: unbounded, or nothing is feasible.
 _LARGEST = 1e10
@@ -32,7 +33,7 @@ def maximise_first(A: Array, b: Array) -> tuple[Array, Array]:
 
     Returns:
         x, (count, p), NaN where there is no optimum, and what is left of the optimality
-        conditions, (count,).
+        conditions, (count,); zero where the library was asked.
     """
     count, _, p = A.shape
     scale = np.maximum(np.sqrt((A * A).sum(axis=1)), 1e-300)
@@ -77,7 +78,22 @@ def maximise_first(A: Array, b: Array) -> tuple[Array, Array]:
         s[going] = s_ + forward[:, None] * ds
         z[going] = z_ + upward[:, None] * dz
     best[left > _POOR] = np.nan
-    return best / scale, left
+    best /= scale
+    for k in np.flatnonzero((left > _POOR) & (left <= _NONE)):
+        best[k], left[k] = _by_library(A[k] * scale[k], b[k])
+    return best, left
+
+
+def _by_library(A: Array, b: Array) -> tuple[Array, float]:
+    """The same of one program, by HiGHS."""
+    from scipy.optimize import linprog
+
+    cost = np.zeros(A.shape[1])
+    cost[0] = -1.0
+    answer = linprog(cost, A, b, bounds=(None, None))
+    if answer.status != 0 or answer.x is None:
+        return np.full(len(cost), np.nan), np.inf
+    return np.asarray(answer.x), 0.0
 
 
 @dataclass(frozen=True, eq=False)

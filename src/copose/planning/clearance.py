@@ -32,8 +32,6 @@ _SLOT = 13
 _FEW_JOINTS, _OFTEN, _POSTURES, _SEED, _CALIBRATED = 3, 0.25, 64, 0, 5e-4
 # Postures by which a pair is calibrated, about.
 _LOOSENED = 64
-# Capsules stop a posture that come so near what they must keep, m.
-_STOPPING = 1e-6
 # What programs keep more than that, for distances of bodies have some noise, m.
 _NOISE = 5e-6
 # By how much too loose a calibration is taken back.
@@ -262,42 +260,35 @@ class Clearance:
             distances.exact(int(pair), where) >= self._clearance for pair in which
         )
 
-    def calibrate(self, cell: Cell, q: Sequence[Array], within: float = _STOPPING) -> bool:
+    def calibrate(
+        self, cell: Cell, q: Sequence[Array], within: float, *, cautious: bool = False
+    ) -> None:
         """Let capsules be as near at a posture, by arm (1, n_i), as their bodies may be.
 
         Args:
             cell: with everything where it is.
             q: the posture.
             within: m; of pairs that are less farther apart than they must be.
-
-        Returns:
-            Whether a slack has changed.
+            cautious: whether more is taken back than the posture tells: where a program ended too
+                near, the next end is likely to differ again, by a part of that.
         """
         near = self.near(cell, q, self.every, within)
         where = carrier_poses_of(cell, [mine[0] for mine in q])
         pairs = self._pair_of[self._owner[near.first], self._owner[near.second]]
-        changed = False
         for pair in np.unique(pairs):
             exact = self.scene.distances.exact(int(pair), where)
             # What is left of the distance, or missing, that capsules do not know of.
             more = exact - self._clearance - _NOISE - near.spare[pairs == pair].min()
             if exact > 0 and abs(more) > _NOISE / 2:
-                # At the next end it is likely to differ again, by a part of that.
-                self.slack[pair] += more if more > 0 else _CAUTION * more
-                changed = True
-        return changed
+                self.slack[pair] += _CAUTION * more if cautious and more < 0 else more
 
-    def loosen(self, cell: Cell, q: Sequence[Array | None], pairs: Indices) -> bool:
+    def loosen(self, cell: Cell, q: Sequence[Array | None], pairs: Indices) -> None:
         """Calibrate capsules of pairs that stop most of many postures, by arm (count, n_i), by the
         bodies in some of these.
-
-        Returns:
-            Whether a slack has changed.
         """
         near = self.near(cell, q, pairs, 0.0)
         count = next((len(mine) for mine in q if mine is not None), 1)
         which = self._pair_of[self._owner[near.first], self._owner[near.second]]
-        changed = False
         for pair in np.unique(which):
             rows = np.unique(near.rows[which == pair])
             if len(rows) < _OFTEN * count:
@@ -311,10 +302,7 @@ class Clearance:
                 if exact > 0:
                     excess.append(exact - self._clearance - spare)
             more = min(excess, default=0.0) - _CALIBRATED
-            if more > 0:
-                self.slack[pair] += more
-                changed = True
-        return changed
+            self.slack[pair] += max(more, 0.0)
 
     def near(
         self,

@@ -25,7 +25,7 @@ _TIE = 1e-8
 # Ends that did not converge matter where they come near the best.
 _NEAR_BEST = 1e-2
 # Climbs that bodies stop of which IPOPT goes on, the best starts first.
-_STOPPED = 16
+_STOPPED = 12
 _KINKED = 10
 # Starts that are polished at a time, and how many times the largest gain so far the next may hope
 # for.
@@ -46,8 +46,9 @@ class Climbs:
     ) -> None:
         """Nothing polished yet; of what Newton steps leave so many are finished by IPOPT."""
         self._most, self._stopped = min(most, _KINKED), _STOPPED
-        self._machinery, self._setting, self._progress = machinery, setting, progress
+        self.machinery, self.setting, self.progress = machinery, setting, progress
         self.starts = 0
+        self._begun: list[Array] = []
         self.ends: list[LocalOptimum] = []
         self.failures: list[LocalSolve] = []
 
@@ -63,7 +64,7 @@ class Climbs:
 
     def postures(self, most: int) -> list[Array]:
         """By arm, where the best ends of polishing are, without repetition."""
-        cell = self._setting.cell
+        cell = self.setting.cell
         optima = np.array([optimum.q for optimum in gathered(cell, self.ends)[:most]])
         parts = [part.T for part in cell.system.split(optima.T)] if len(optima) else []
         return [np.unique(part.round(9), axis=0) for part in parts]
@@ -77,7 +78,7 @@ class Climbs:
             closed: its postures to start from, (count, n_i).
             most: of them that are polished.
         """
-        machinery, setting = self._machinery, self._setting
+        machinery, setting = self.machinery, self.setting
         cell = setting.cell
         best = max(self.ends, key=lambda end: end.objective)
         parts = cell.system.split(best.q)
@@ -95,31 +96,39 @@ class Climbs:
     def unknown(self, starts: Array) -> Array:
         """Those of the starts that are no end."""
         ends = self.known
-        cell = self._setting.cell
+        cell = self.setting.cell
         new = [np.all(cell.distances(ends, q) > _SAME_JOINTS) for q in starts]
         return np.asarray(starts[np.array(new, dtype=bool)])
+
+    def not_begun(self, starts: Array, scores: Array) -> tuple[Array, Array]:
+        """Those of some starts that were none before, with their scores."""
+        begun = np.array(self._begun)
+        new = [np.all(self.setting.cell.distances(begun, q) > _SAME_JOINTS) for q in starts]
+        rows = np.flatnonzero(np.array(new, dtype=bool))
+        return starts[rows], scores[rows]
 
     def add_promising(self, starts: Array, scores: Array) -> None:
         """Polish starts, best first, until the next would have to gain far more than any has."""
         gained, best = 0.0, -np.inf
-        first, together = 0, _AT_ONCE if self._machinery.newton else _FIRST
+        first, together = 0, _AT_ONCE if self.machinery.newton else _FIRST
         while first < len(starts):
             rows = slice(first, first + together)
-            if not self._machinery.dear and scores[first] + _HOPE * gained < best:
+            if not self.machinery.dear and scores[first] + _HOPE * gained < best:
                 break
             ends = self.add(starts[rows])
             best = max(best, ends.max(initial=-np.inf))
             gained = max(gained, (ends - scores[rows]).max(initial=0.0))
             first = rows.stop
-            together = _AT_ONCE if self._machinery.newton else _FEW_AT_ONCE
+            together = _AT_ONCE if self.machinery.newton else _FEW_AT_ONCE
 
     def add(self, starts: Array) -> Array:
         """Polish closed postures, (count, N); the scores where they end, (count,)."""
-        machinery, setting = self._machinery, self._setting
+        machinery, setting = self.machinery, self.setting
         if len(starts) == 0:
             return np.zeros(0)
-        self._progress("polishing", 0.6)
+        self.progress("polishing", 0.6)
         self.starts += len(starts)
+        self._begun += list(starts)
         if not machinery.newton:
             return self._solve(starts)
         ends = machinery.polisher(setting).polish(starts)
@@ -142,6 +151,9 @@ class Climbs:
         left = np.vstack([left, starts[stopped]])
         if machinery.smooth:
             stalled = int((~solved).sum()) - len(left)
+            if setting.clearance is not None:
+                # What bodies stop has not failed.
+                stalled -= int((~held & ~stopped).sum())
             self.failures += [LocalSolve(starts[0], False, "Stalled_Far_Below_Best", {})] * stalled
         self._solve(left)
         return np.where(ends.converged, ends.value, -np.inf)
@@ -152,11 +164,11 @@ class Climbs:
         Returns:
             The objective where each ends, −inf where nowhere, (count,).
         """
-        machinery, setting, ends = self._machinery, self._setting, []
+        machinery, setting, ends = self.machinery, self.setting, []
         if len(q) == 0:
             return np.zeros(0)
         for k, end in enumerate(machinery.solve_programs(setting, q)):
-            self._progress("polishing", 0.7 + 0.3 * k / len(q))
+            self.progress("polishing", 0.7 + 0.3 * k / len(q))
             ends.append(end)
         values = machinery.objectives(setting, np.array([end.q for end in ends]))
         good = np.isfinite(values) & np.array([end.converged for end in ends])

@@ -499,7 +499,7 @@ class Machinery:
         if self.exactly(setting, q):
             return None
         assert setting.clearance is not None
-        setting.clearance.calibrate(setting.cell, self.split(q[None]), _MATTERS)
+        setting.clearance.calibrate(setting.cell, self.split(q[None]), _MATTERS, cautious=True)
         return self._near(setting, q, -_TOUCHED)
 
     def _near(self, setting: Setting, q: Array, within: float) -> Near:

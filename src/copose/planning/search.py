@@ -29,7 +29,7 @@ _AMONG = 64
 _UNLIKE = 2
 # Postures whose bodies are measured where capsules leave none of an arm's, and where they leave
 # some; and combinations of which some are told.
-_MEASURED, _MEASURED_CLEAR, _COMBINED = 64, 32, 1024
+_MEASURED, _MEASURED_CLEAR, _COMBINED = 64, 16, 1024
 # So many times fewer where bodies are in the way of what linear programs judge.
 _BLOCKED = 3
 # Best ends of which all pairs can be judged by linear programs.
@@ -149,7 +149,8 @@ def search(
     postures = [sample.closed for sample in samples]
     near = [sample.neighbours for sample in samples]
     blind = replace(setting, clearance=None)
-    found = _compared(machinery, blind, samples, postures, near, seed, effort, progress)
+    polished = Climbs(machinery, blind, progress, effort.polished)
+    found = _compared(polished, samples, postures, near, seed, effort)
     if setting.clearance is None:
         return found
     # What bodies in the way leave is worth no more than what there is without them.
@@ -164,11 +165,10 @@ def search(
     rounds = [some for some in (least, whole) if all(map(len, some[0]))]
     if len(rounds) == 2 and (not machinery.newton or _counts(least) == _counts(whole)):
         rounds = rounds[:1]
+    polished = Climbs(machinery, setting, progress, effort.polished)
+    polished.ends += optima
     for postures, near in rounds:
-        found = _compared(
-            machinery, setting, samples, postures, near, seed, effort, progress, optima
-        )
-        optima = found.optima
+        found = _compared(polished, samples, postures, near, seed, effort)
     if found.optima or found.failures:
         return found
     return replace(found, blocked=(_mutual(setting, postures, seed),))
@@ -191,32 +191,27 @@ def _mutual(setting: Setting, postures: Sequence[Array], seed: int) -> str:
 
 
 def _compared(
-    machinery: Machinery,
-    setting: Setting,
+    polished: Climbs,
     samples: Sequence[ArmSample],
     postures: list[Array],
     near: list[Indices],
     seed: int,
     effort: Effort,
-    progress: Progress,
-    optima: Sequence[LocalOptimum] = (),
 ) -> Found:
     """Combine the arms' postures, polish the best, and combine anew.
 
     Args:
-        machinery: what is built.
-        setting: where the object is.
+        polished: what is known already; grows.
         samples: of the arms.
         postures: of them, by arm, those that count.
         near: indices of the postures next to each, by arm.
         seed: of everything that is drawn.
         effort: how much is tried.
-        progress: is told.
-        optima: that are known already.
     """
+    machinery, setting = polished.machinery, polished.setting
     cell = setting.cell
     K = len(cell.arms)
-    progress("comparing postures", 0.5)
+    polished.progress("comparing postures", 0.5)
     rng = np.random.default_rng([seed, K])
     screened = _screened(machinery, setting, postures, near, rng, effort.starts)
     # A step in many dimensions takes many evaluations.
@@ -226,9 +221,7 @@ def _compared(
         most *= _UNLIKE
     screened = judged(machinery, setting, postures, near, screened, most)
     starts, scores = _distinct(cell, postures, screened, most)
-    polished = Climbs(machinery, setting, progress, effort.polished)
-    polished.ends += optima
-    polished.add_promising(starts, scores)
+    polished.add_promising(*polished.not_begun(starts, scores))
     if spare > K and len(starts) and not machinery.dear:
         counts = [len(mine) for mine in postures]
         drawn = rng.integers(0, counts, (int(effort.blind * min(1.0, _PLAIN / spare)), K))
