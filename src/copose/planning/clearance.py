@@ -31,7 +31,7 @@ _SLOT = 13
 # more than such a part of so many random postures; and what is kept beyond what these tell, m.
 _FEW_JOINTS, _OFTEN, _POSTURES, _SEED, _CALIBRATED = 3, 0.25, 64, 0, 5e-4
 # Postures by which a pair is calibrated, about.
-_LOOSENED = 64
+_LOOSENED = 24
 # What programs keep more than that, for distances of bodies have some noise, m.
 _NOISE = 5e-6
 # By how much too loose a calibration is taken back.
@@ -150,13 +150,21 @@ class Clearance:
         segments = ca.SX.sym("segments", 12)
         apart = squared_distance(*ca.vertsplit(segments, 3))
         self._apart = Kernel(segments, ca.SX(0, 1), ca.sqrt(apart))
+        # Pairs of capsules, by the carriers that move them, that programs have room for.
+        self._room: dict[tuple[Carrier, Carrier], int] = {}
         # What copies share.
         self._pair_of = _table(scene.pairs, count)
         self._capsule_pairs = self._listed()
         self._calibrate(cell)
 
     def fresh(self) -> Clearance:
-        """The same with a slack of its own."""
+        """The same for a search of its own, which no other has taught anything."""
+        other = self.calibrated_apart()
+        other._room = {}
+        return other
+
+    def calibrated_apart(self) -> Clearance:
+        """The same with a slack of its own; what programs have room for is shared."""
         other = copy(self)
         other.slack = self.slack.copy()
         return other
@@ -461,8 +469,10 @@ class Clearance:
         return np.array(numbers).ravel()
 
     def slots(self, near: Sequence[Near]) -> tuple[Slot, ...]:
-        """Room for the pairs of capsules of every posture, as many as the fullest needs."""
-        counts: dict[tuple[Carrier, Carrier], int] = {}
+        """Room for the pairs of capsules of every posture, as many as the fullest needs, and for
+        all before: a program that has more than it needs is not built anew.
+        """
+        counts = self._room
         for each in near:
             mine = self._needed(each)
             for pair in set(mine):

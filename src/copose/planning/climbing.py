@@ -25,7 +25,7 @@ _TIE = 1e-8
 # Ends that did not converge matter where they come near the best.
 _NEAR_BEST = 1e-2
 # Climbs that bodies stop of which IPOPT goes on, the best starts first.
-_STOPPED = 12
+_STOPPED = 8
 _KINKED = 10
 # Starts that are polished at a time, and how many times the largest gain so far the next may hope
 # for.
@@ -48,7 +48,6 @@ class Climbs:
         self._most, self._stopped = min(most, _KINKED), _STOPPED
         self.machinery, self.setting, self.progress = machinery, setting, progress
         self.starts = 0
-        self._begun: list[Array] = []
         self.ends: list[LocalOptimum] = []
         self.failures: list[LocalSolve] = []
 
@@ -100,13 +99,6 @@ class Climbs:
         new = [np.all(cell.distances(ends, q) > _SAME_JOINTS) for q in starts]
         return np.asarray(starts[np.array(new, dtype=bool)])
 
-    def not_begun(self, starts: Array, scores: Array) -> tuple[Array, Array]:
-        """Those of some starts that were none before, with their scores."""
-        begun = np.array(self._begun)
-        new = [np.all(self.setting.cell.distances(begun, q) > _SAME_JOINTS) for q in starts]
-        rows = np.flatnonzero(np.array(new, dtype=bool))
-        return starts[rows], scores[rows]
-
     def add_promising(self, starts: Array, scores: Array) -> None:
         """Polish starts, best first, until the next would have to gain far more than any has."""
         gained, best = 0.0, -np.inf
@@ -128,7 +120,6 @@ class Climbs:
             return np.zeros(0)
         self.progress("polishing", 0.6)
         self.starts += len(starts)
-        self._begun += list(starts)
         if not machinery.newton:
             return self._solve(starts)
         ends = machinery.polisher(setting).polish(starts)

@@ -449,10 +449,12 @@ class Machinery:
         numbers, beside = self.given(setting, q, demands)
         settings = [self.calibrated(setting, start) for start in q]
         near = [self.near(here, start) for here, start in zip(settings, q, strict=True)]
-        met, best = list(near), -np.inf
+        self.slots(setting, near)
+        best = -np.inf
         for k, (start, wanted, more) in enumerate(zip(q, numbers, beside, strict=True)):
-            here, mine, slots = settings[k], near[k], self.slots(met)
+            here, mine = settings[k], near[k]
             for _ in range(_COLLISIONS):
+                slots = self.slots(here, [mine])
                 given = np.concatenate([wanted, self.capsules(here, slots, mine)])
                 end = self._run(here, slots, start, given, more, bounds)
                 if not end.converged:
@@ -469,8 +471,6 @@ class Machinery:
                     break
                 # What it has run into joins the pairs that matter.
                 mine = mine.joined(found)
-                met.append(mine)
-                slots = self.slots(met)
             else:
                 end = replace(end, converged=False, status="Collision")
             yield end
@@ -481,7 +481,7 @@ class Machinery:
         """
         if setting.clearance is None:
             return setting
-        mine = setting.clearance.fresh()
+        mine = setting.clearance.calibrated_apart()
         mine.calibrate(setting.cell, self.split(q[None]), _MATTERS)
         return replace(setting, clearance=mine)
 
@@ -508,9 +508,9 @@ class Machinery:
             return NOTHING_NEAR
         return clearance.near(setting.cell, self.split(q[None]), clearance.every, within)
 
-    def slots(self, near: Sequence[Near]) -> tuple[Slot, ...]:
+    def slots(self, setting: Setting, near: Sequence[Near]) -> tuple[Slot, ...]:
         """Room in a program for all of these pairs, one posture at a time."""
-        return () if self.clearance is None else self.clearance.slots(near)
+        return () if setting.clearance is None else setting.clearance.slots(near)
 
     def capsules(self, setting: Setting, slots: tuple[Slot, ...], near: Near) -> Array:
         """The pairs of a posture as parameters of a program."""

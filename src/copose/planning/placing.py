@@ -410,7 +410,7 @@ class PlacementSearch:
         near = [machinery.near(s, q) for s, q in zip(settings, here.q, strict=True)]
         end = None
         for _ in range(_COLLISIONS):
-            slots = machinery.slots(near)
+            slots = machinery.slots(settings[0], near)
             given = [
                 Given(
                     places[k],

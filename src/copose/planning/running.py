@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -27,6 +27,7 @@ from copose.planning.search import (
     local_search,
     search,
 )
+from copose.planning.tightening import tightened
 from copose.poses import Array
 from copose.results import (
     FailureRecord,
@@ -44,9 +45,6 @@ EffortName: TypeAlias = Literal["low", "normal", "high"]
 CLOSURE_TOLERANCE = 1e-8
 _STANDS = 1e-6
 _NUDGES = 8
-# Solves that bring an optimum as near to bodies as they allow, a relative
-# gain that is none, and how far the first goes, rad or m.
-_TIGHTENINGS, _TIGHT, _ROOM = 8, 1e-6, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,13 +112,13 @@ class Run:
                 search=self._record(found, self.seed, effort, None),
                 timing=self.timing,
             )
-        found = self._tightened(found)
+        found = tightened(self.machinery, self.setting, found)
         after, value = self._best(found, before)
         verification = None
         if verify and value is not None:
             verification, better = self._verified(effort, value)
             if better is not None:
-                found = self._tightened(better)
+                found = tightened(self.machinery, self.setting, better)
                 after, value = self._best(found, before)
         return answer(
             cell,
@@ -202,32 +200,6 @@ class Run:
             joints.append(q)
         measured = self.machinery.measure(self.setting, joints)
         return measured, (*notes, *margin_notes(self.cell, joints))
-
-    def _tightened(self, found: Found) -> Found:
-        """A search whose best optimum comes as near to what is in its way as bodies allow.
-
-        Capsules stick out. Where those that stop it are less near than the bodies in them, they may
-        come nearer by that much; and farther apart, where an optimum turns out to come too near.
-        """
-        machinery, setting = self.machinery, self.setting
-        if setting.clearance is None or not found.optima:
-            return found
-        best, start, room = None, found.optima[0], _ROOM
-        for _ in range(_TIGHTENINGS):
-            gain = np.inf if best is None else start.objective - best.objective
-            if machinery.exactly(setting, start.q) and gain > 0:
-                best = start
-                if gain <= _TIGHT * max(1.0, abs(start.objective)):
-                    break
-            elif best is not None:
-                # Near a posture its calibration holds.
-                room /= 4
-            here = start.q if best is None else best.q
-            end = machinery.solve_near(setting, here, room)
-            value = machinery.objectives(setting, end.q[None])[0] if end.converged else -np.inf
-            start = LocalOptimum(end.q, float(value), 1)
-        rest = found.optima[1:]
-        return replace(found, optima=rest if best is None else (best, *rest))
 
     def _best(
         self, found: Found, before: Measurement | None

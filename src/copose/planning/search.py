@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from copose.planning.cell import Cell
-from copose.planning.clearance import Clearance, Near
+from copose.planning.clearing import clear_alone, clear_postures, in_each_others_way
 from copose.planning.climbing import SAME_OBJECTIVE, Climbs, Progress, gathered
 from copose.planning.judging import judged
 from copose.planning.machinery import Machinery, Setting
@@ -27,9 +27,6 @@ _AMONG = 64
 # Where torque limits decide, and a climb is not dear, more may be polished: gains differ where a
 # sample is beside a kink.
 _UNLIKE = 2
-# Postures whose bodies are measured where capsules leave none of an arm's, and where they leave
-# some; and combinations of which some are told.
-_MEASURED, _MEASURED_CLEAR, _COMBINED = 64, 16, 1024
 # So many times fewer where bodies are in the way of what linear programs judge.
 _BLOCKED = 3
 # Best ends of which all pairs can be judged by linear programs.
@@ -157,37 +154,16 @@ def search(
     known = machinery.first_apart(setting, found.optima)
     if known is not None and known is found.optima[0]:
         return replace(found, optima=(known,))
-    whole, least, blocked = _cleared(setting, postures, near)
-    optima: tuple[LocalOptimum, ...] = () if known is None else (known,)
-    if blocked:
-        return replace(found, optima=optima, blocked=() if optima else tuple(blocked))
-    # First those whose capsules keep clear too: from them climbs fail less.
-    rounds = [some for some in (least, whole) if all(map(len, some[0]))]
-    if len(rounds) == 2 and (not machinery.newton or _counts(least) == _counts(whole)):
-        rounds = rounds[:1]
+    cleared = clear_postures(machinery, setting, postures)
+    optima = () if known is None else (known,)
+    if cleared.blocked:
+        return replace(found, optima=optima, blocked=() if optima else cleared.blocked)
     polished = Climbs(machinery, setting, progress, effort.polished)
     polished.ends += optima
-    for postures, near in rounds:
-        found = _compared(polished, samples, postures, near, seed, effort)
+    found = _compared(polished, samples, cleared.postures, cleared.neighbours, seed, effort)
     if found.optima or found.failures:
         return found
-    return replace(found, blocked=(_mutual(setting, postures, seed),))
-
-
-def _counts(some: tuple[list[Array], list[Indices]]) -> list[int]:
-    return [len(mine) for mine in some[0]]
-
-
-def _mutual(setting: Setting, postures: Sequence[Array], seed: int) -> str:
-    """Which arms are in each other's way in all combinations, as far as some of them tell."""
-    clearance, cell = setting.clearance, setting.cell
-    assert clearance is not None
-    rng = np.random.default_rng([seed, len(postures), 1])
-    q = [mine[rng.integers(0, len(mine), _COMBINED)] for mine in postures]
-    hit = clearance.near(cell, q, clearance.every, 0.0)
-    if not len(hit.rows):
-        return "none of the combinations that torque limits allow does"
-    return clearance.in_the_way(cell, q, hit, _MEASURED)
+    return replace(found, blocked=(in_each_others_way(setting, cleared.postures, seed),))
 
 
 def _compared(
@@ -221,7 +197,7 @@ def _compared(
         most *= _UNLIKE
     screened = judged(machinery, setting, postures, near, screened, most)
     starts, scores = _distinct(cell, postures, screened, most)
-    polished.add_promising(*polished.not_begun(starts, scores))
+    polished.add_promising(starts, scores)
     if spare > K and len(starts) and not machinery.dear:
         counts = [len(mine) for mine in postures]
         drawn = rng.integers(0, counts, (int(effort.blind * min(1.0, _PLAIN / spare)), K))
@@ -243,7 +219,7 @@ def _compared(
                 found = polished.responses(i, postures_of[i], most)
                 postures[i] = np.vstack([postures[i], found])
         if setting.clearance is not None:
-            postures = [_clear_alone(machinery, setting, i, p) for i, p in enumerate(postures)]
+            postures = [clear_alone(setting, i, p) for i, p in enumerate(postures)]
             if not all(map(len, postures)):
                 break
         near = [np.zeros((len(mine), 0), dtype=np.intp) for mine in postures]
@@ -322,75 +298,6 @@ def _screened(
         # A combination that cannot be held may stand above a neighbour that can.
         neighbours = [near[:, :0] for near in neighbours]
     return screen(machinery.score, setting.given, terms, neighbours, rng, starts, allowed)
-
-
-def _clear_alone(machinery: Machinery, setting: Setting, i: int, q: Array) -> Array:
-    """Those postures of arm i, (count, n), that keep clear of all but the other arms."""
-    clearance = setting.clearance
-    assert clearance is not None
-    alone = [q if j == i else None for j in range(len(machinery.arms))]
-    return np.asarray(q[clearance.clear(setting.cell, alone, clearance.own(i))])
-
-
-def _exactly_clear(
-    clearance: Clearance, cell: Cell, i: int, q: Array, hit: Near, most: int
-) -> list[int]:
-    """Postures of arm i, (count, n), whose bodies keep clear though their capsules do not; of those
-    whose capsules are the least too near.
-    """
-    least = np.full(len(q), np.inf)
-    np.minimum.at(least, hit.rows, hit.spare)
-    found = []
-    rows = np.flatnonzero(np.isfinite(least))
-    for k in rows[np.argsort(-least[rows], kind="stable")[:most]]:
-        alone = [q[k][None] if j == i else None for j in range(len(cell.arms))]
-        if clearance.exactly(cell, alone, clearance.own(i)):
-            found.append(int(k))
-    return found
-
-
-def _cleared(
-    setting: Setting, postures: list[Array], neighbours: list[Indices]
-) -> tuple[tuple[list[Array], list[Indices]], tuple[list[Array], list[Indices]], list[str]]:
-    """Postures of each arm that keep clear of itself and of what stands still, with those next to
-    each; the same of which the capsules do too; and where none of an arm's is clear, or the object
-    itself is in the way, what comes too near.
-    """
-    clearance, cell = setting.clearance, setting.cell
-    assert clearance is not None
-    nothing: list[Array | None] = [None] * len(postures)
-    clearance.loosen(cell, nothing, clearance.still)
-    hit = clearance.near(cell, nothing, clearance.still, 0.0)
-    blocked = []
-    if len(hit.rows) and not clearance.exactly(cell, nothing, clearance.still):
-        blocked.append(clearance.in_the_way(cell, nothing, hit, 1))
-    whole: tuple[list[Array], list[Indices]] = ([], [])
-    least: tuple[list[Array], list[Indices]] = ([], [])
-    for i, mine in enumerate(postures):
-        alone = [mine if j == i else None for j in range(len(postures))]
-        clearance.loosen(cell, alone, clearance.own(i))
-        hit = clearance.near(cell, alone, clearance.own(i), 0.0)
-        clear = np.ones(len(mine), dtype=bool)
-        clear[hit.rows] = False
-        _keep(least, mine, neighbours[i], clear)
-        # Where capsules are a little too near, or leave nothing, bodies decide.
-        measured = _MEASURED_CLEAR if clear.any() else _MEASURED
-        clear[_exactly_clear(clearance, cell, i, mine, hit, measured)] = True
-        _keep(whole, mine, neighbours[i], clear)
-        if not clear.any():
-            blocked.append(clearance.in_the_way(cell, alone, hit, _MEASURED))
-    return whole, least, blocked
-
-
-def _keep(
-    some: tuple[list[Array], list[Indices]], q: Array, neighbours: Indices, clear: Mask
-) -> None:
-    """Add the clear ones of an arm's postures, (count, n), and their neighbours."""
-    number = np.cumsum(clear) - 1
-    # A neighbour that is gone is none: a posture beside itself changes nothing.
-    others, own = neighbours[clear], np.flatnonzero(clear)[:, None]
-    some[0].append(q[clear])
-    some[1].append(number[np.where(clear[others], others, own)])
 
 
 def _distinct(

@@ -104,7 +104,7 @@ class ArmSampler:
             tried += insistence
         return ArmSample(
             closed=points,
-            neighbours=self._neighbours(points),
+            neighbours=neighbours(self.cell, self.kernels, self.i, points),
             tried=tried,
             branches=loops.count if simple else None,
             missed=missed,
@@ -145,15 +145,16 @@ class ArmSampler:
         closed = order[gaps[order] < CLOSED]
         return q[closed], q[order[len(closed) :][:_MISSES]]
 
-    def _neighbours(self, points: Array) -> Indices:
-        """Indices of the nearest other points, (count, k)."""
-        k = min(_NEIGHBOURS * (self.kernels.n - self.kernels.m), len(points) - 1)
-        if k <= 0:
-            return np.zeros((len(points), 0), dtype=np.intp)
-        places = self.cell.embedded(self.i, points)
-        likeness = 2 * places @ places.T - (places**2).sum(axis=1)
-        np.fill_diagonal(likeness, -np.inf)
-        return np.argpartition(-likeness, k - 1, axis=1)[:, :k]
+
+def neighbours(cell: Cell, kernels: ArmKernels, i: int, points: Array) -> Indices:
+    """Indices of the postures next to each of some of arm i, (count, n): (count, k)."""
+    k = min(_NEIGHBOURS * (kernels.n - kernels.m), len(points) - 1)
+    if k <= 0:
+        return np.zeros((len(points), 0), dtype=np.intp)
+    places = cell.embedded(i, points)
+    likeness = 2 * places @ places.T - (places**2).sum(axis=1)
+    np.fill_diagonal(likeness, -np.inf)
+    return np.argpartition(-likeness, k - 1, axis=1)[:, :k]
 
 
 def held_sample(cell: Cell, kernels: ArmKernels, i: int, goal: Array) -> ArmSample:
