@@ -189,9 +189,10 @@ def main() -> None:
         "| solve over blind | search over blind | clear, no worse |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |", *rows, "",
         "Times over those of the same without collision, medians and the largest: of a solve, "
-        f"building included, {np.median(found[:, 0]):.2f} and {found[:, 0].max():.2f}; of the search "
-        f"alone, {np.median(found[:, 1]):.1f} and {found[:, 1].max():.1f}. What takes long after a "
-        "blind search in vain are quasi-Newton programs, which the virtual machine evaluates.", "",
+        f"building included, {np.median(found[:, 0]):.2f} and {found[:, 0].max():.2f}; of the "
+        f"search alone, {np.median(found[:, 1]):.1f} and {found[:, 1].max():.1f}. What takes long "
+        "after a blind search in vain are quasi-Newton programs, for the virtual machine evaluates "
+        "them.", "",
     ])  # fmt: skip
     arguments.output.write_text(text)
     print(f"written to {arguments.output}")

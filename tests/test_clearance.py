@@ -20,8 +20,8 @@ from truth import Truth
 import cells
 import copose
 import reference
+from capsule_distances import capsule_bounds, segment_distances
 from copose.cli import main
-from copose.collision import segment_distances
 from copose.mechanics.segments import squared_distance
 from copose.planning.cell import Cell
 from copose.planning.clearance import Clearance
@@ -391,7 +391,7 @@ def test_capsules_are_as_near_as_the_scene_has_them(
     )
     assert np.all(slack >= 0)
     for row in range(12):
-        bounds = setting.scene.distances.capsule_bounds(setting.at([mine[row] for mine in q]))
+        bounds = capsule_bounds(setting.scene, setting.at([mine[row] for mine in q]))
         spare = bounds - CLEARANCE - 2e-6
         found = np.full(len(bounds), np.inf)
         for k in np.flatnonzero(near.rows == row):

@@ -8,7 +8,7 @@ import math
 import os
 import shutil
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import casadi as ca
@@ -20,6 +20,7 @@ from scipy.spatial import ConvexHull
 
 import cells
 import reference
+from capsule_distances import capsule_bounds, segment_distances
 from copose.collision import (
     Carrier,
     Mesh,
@@ -29,9 +30,7 @@ from copose.collision import (
     Solid,
     carrier_poses,
     carriers_of,
-    segment_distances,
 )
-from copose.collision.distances import Distances
 from copose.collision.pairs import possible_pairs
 from copose.errors import InputError
 from copose.mechanics.chain import Chain
@@ -261,23 +260,10 @@ def test_distances_of_capsules_are_never_larger(pandas: Setting, seed: int) -> N
     solids = tuple(pandas.scene.solids[n] for n in kept)
     pairs = np.array([[kept.index(i), kept.index(j)] for i, j in pandas.scene.pairs
                       if i in kept and j in kept])  # fmt: skip
-    distances = Distances(solids, pairs, pandas.scene.carriers)
+    scene = replace(pandas.scene, solids=solids, pairs=pairs)
     where = pandas.at(pandas.drawn(200 + seed))
-    exact = np.array([distances.exact(k, where) for k in range(len(pairs))])
-    bounds = distances.capsule_bounds(where)
-    assert np.all(bounds <= np.maximum(exact, 0) + GJK)
-    for k in (0, 50, len(pairs) - 1):
-        gaps = []
-        for s, t in itertools.product(*(solids[i].capsules for i in distances.pairs[k])):
-            ends = []
-            for capsule, i in ((s, distances.pairs[k][0]), (t, distances.pairs[k][1])):
-                c = pandas.scene.carriers.index(solids[i].carrier)
-                R, p = where.rotations[c], where.positions[c]
-                ends += [(R @ capsule.a + p)[None], (R @ capsule.b + p)[None]]
-            gaps.append(segment_distances(*ends)[0] - s.radius - t.radius)
-        assert bounds[k] == pytest.approx(min(gaps), abs=1e-12)
-    some = np.array([3, 7, 40])
-    np.testing.assert_array_equal(distances.capsule_bounds(where, some), bounds[some])
+    exact = np.array([scene.distances.exact(k, where) for k in range(len(pairs))])
+    assert np.all(capsule_bounds(scene, where) <= np.maximum(exact, 0) + GJK)
 
 
 CHAINS = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -94,6 +95,19 @@ class Pose:
             self.rotation @ other.rotation,
             quaternion_product(self.quaternion, other.quaternion),
         )
+
+    def displaced(self, offsets: Mapping[str, float], turn: str) -> Pose:
+        """B moved along the axes of A by x, y, z, m, and turned by an angle, rad, about its origin.
+
+        Args:
+            offsets: by name; what it leaves out is zero.
+            turn: ``yaw``, about A's z axis; ``twist``, about B's own.
+        """
+        about = Pose.from_rpy(rpy=(0.0, 0.0, offsets.get(turn, 0.0)))
+        here = Pose.make(np.zeros(3), self.rotation, self.quaternion)
+        turned = about @ here if turn == "yaw" else here @ about
+        shift = [offsets.get(name, 0.0) for name in "xyz"]
+        return Pose.make(self.position + shift, turned.rotation, turned.quaternion)
 
     def inverse(self) -> Pose:
         """Placement of A in B."""

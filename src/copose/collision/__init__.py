@@ -3,7 +3,6 @@
 from copose.collision.capsules import Capsule, around_hull, around_surface
 from copose.collision.carriers import Carrier, Placements, carrier_poses, carriers_of
 from copose.collision.scene import Nearest, Scene
-from copose.collision.segments import segment_distances
 from copose.collision.solids import Mesh, Part, Primitive, Solid
 
 __all__ = [
@@ -20,5 +19,4 @@ __all__ = [
     "around_surface",
     "carrier_poses",
     "carriers_of",
-    "segment_distances",
 ]

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from copose.collision.carriers import Carrier, Placements
-from copose.collision.segments import segment_distances
 from copose.collision.solids import Mesh, Solid
 from copose.poses import Array, Indices
 
@@ -137,37 +136,6 @@ class Distances:
     def _inside(self) -> Inside:
         return Inside.of(self.solids, self.carrier, self.pairs)
 
-    @cached_property
-    def _capsules(self) -> tuple[Array, Array, Array, Indices]:
-        """Ends, radii and carriers of all capsules, solid by solid."""
-        capsules = [capsule for solid in self.solids for capsule in solid.capsules]
-        counts = [len(solid.capsules) for solid in self.solids]
-        return (
-            np.reshape([c.a for c in capsules], (-1, 3)),
-            np.reshape([c.b for c in capsules], (-1, 3)),
-            np.array([c.radius for c in capsules]),
-            np.repeat(self.carrier, counts),
-        )
-
-    @cached_property
-    def _rows(self) -> tuple[Indices, Indices, Indices]:
-        """(pair, capsule, capsule) for all capsules of one solid with all of the other."""
-        ends = np.cumsum([0] + [len(solid.capsules) for solid in self.solids])
-        of = [np.arange(ends[i], ends[i + 1]) for i in range(len(self.solids))]
-        rows = [
-            (
-                np.full(len(of[i]) * len(of[j]), k),
-                np.repeat(of[i], len(of[j])),
-                np.tile(of[j], len(of[i])),
-            )
-            for k, (i, j) in enumerate(self.pairs)
-        ]
-        if not rows:
-            none = np.zeros(0, dtype=np.intp)
-            return none, none, none
-        pair, first, second = (np.concatenate(column) for column in zip(*rows, strict=True))
-        return pair, first, second
-
     def ball_bounds(self, where: Placements) -> Array:
         """Distances of one ball round each solid, for all pairs, shape (p,)."""
         balls, i = self._balls, self.carrier
@@ -176,30 +144,6 @@ class Distances:
         gaps = np.linalg.norm(centres[first] - centres[second], axis=1)
         bounds: Array = gaps - balls.radii[first] - balls.radii[second]
         return bounds
-
-    def capsule_bounds(self, where: Placements, some: Indices | None = None) -> Array:
-        """Smallest distances of the capsules round solids, for all pairs or for some, shape (p,).
-
-        Args:
-            where: the placements of the carriers.
-            some: numbers of pairs, ascending.
-        """
-        a, b, radii, i = self._capsules
-        pair, first, second = self._rows
-        bounds = np.full(len(self.pairs), np.inf)
-        if some is not None:
-            wanted = np.zeros(len(self.pairs), dtype=np.bool_)
-            wanted[some] = True
-            keep = wanted[pair]
-            pair, first, second = pair[keep], first[keep], second[keep]
-        if len(pair):
-            R, p = where.rotations[i], where.positions[i]
-            a, b = (np.einsum("cij,cj->ci", R, ends) + p for ends in (a, b))
-            gaps = segment_distances(a[first], b[first], a[second], b[second])
-            gaps -= radii[first] + radii[second]
-            starts = np.flatnonzero(np.diff(pair, prepend=-1))
-            bounds[pair[starts]] = np.minimum.reduceat(gaps, starts)
-        return bounds if some is None else bounds[some]
 
     def enclosed(self, where: Placements) -> set[int]:
         """Pairs of which one solid lies within a mesh of the other, perhaps without touching it."""

@@ -21,7 +21,7 @@ from copose.collision.distances import Distances
 from copose.collision.pairs import possible_pairs
 from copose.collision.solids import Part, Primitive, Solid
 from copose.errors import InputError
-from copose.poses import Indices, Mask, Pose, quaternion_product
+from copose.poses import Indices, Mask, Pose
 from copose.problem import PlanarArm, Problem
 from copose.robots import Arm, finite_range
 
@@ -185,20 +185,9 @@ def _random_postures(problem: Problem, arms: Sequence[Arm]) -> Iterator[Placemen
         for spec, arm in zip(problem.arms, arms, strict=True):
             free = spec.freedom.base.ranges
             drawn = {name: rng.uniform(*interval) for name, interval in free.items()}
-            bases.append(_displaced(arm.base, drawn))
+            bases.append(arm.base.displaced(drawn, "yaw"))
         q = [rng.uniform(low, high) for low, high in ranges]
         yield carrier_poses(arms, bases, q, problem.object.pose)
-
-
-def _displaced(base: Pose, offsets: dict[str, float]) -> Pose:
-    """A base moved along the world's axes and turned about its own origin, the world's z."""
-    turn = Pose.from_rpy(rpy=(0.0, 0.0, offsets.get("yaw", 0.0)))
-    shift = [offsets.get(name, 0.0) for name in "xyz"]
-    return Pose.make(
-        base.position + shift,
-        turn.rotation @ base.rotation,
-        quaternion_product(turn.quaternion, base.quaternion),
-    )
 
 
 def _always_near(distances: Distances, postures: Iterator[Placements], clearance: float) -> Mask:

@@ -12,7 +12,7 @@ import numpy as np
 from copose.mechanics import System
 from copose.mechanics.held_object import N_PARAMETERS
 from copose.planning.cell import Cell
-from copose.poses import Array, Pose, quaternion_product
+from copose.poses import Array, quaternion_product
 from copose.problem import PlanarObject, Problem, displaced
 from copose.results import Solution
 
@@ -107,15 +107,11 @@ class Freedom:
         arms = []
         for i, arm in enumerate(cell.arms):
             base, grasp = offsets.get(("base", i), {}), offsets.get(("grasp", i), {})
-            arms.append(
-                replace(
-                    arm,
-                    base=_turned(_shifted(arm.base, base), base.get("yaw", 0.0), first=True),
-                    grasp=_turned(_shifted(arm.grasp, grasp), grasp.get("twist", 0.0), first=False),
-                )
-                if base or grasp
-                else arm
-            )
+            if base:
+                arm = replace(arm, base=arm.base.displaced(base, "yaw"))
+            if grasp:
+                arm = replace(arm, grasp=arm.grasp.displaced(grasp, "twist"))
+            arms.append(arm)
         return cell.with_places(problem, tuple(arms))
 
     def _offsets(self, x: Array) -> dict[tuple[str, int | None], dict[str, float]]:
@@ -172,18 +168,3 @@ def _about(angle: ca.SX, axis: int) -> ca.SX:
 def _product(a: ca.SX, b: ca.SX) -> ca.SX:
     product: ca.SX = ca.vertcat(*quaternion_product(a, b))
     return product
-
-
-def _shifted(pose: Pose, offset: dict[str, float]) -> Pose:
-    shift = [offset.get(name, 0.0) for name in "xyz"]
-    return Pose.make(pose.position + shift, pose.rotation, pose.quaternion)
-
-
-def _turned(pose: Pose, angle: float, *, first: bool) -> Pose:
-    """A pose turned about z: of the world, where ``first``, else its own; its origin stays."""
-    if angle == 0:
-        return pose
-    turn = Pose.from_rpy(rpy=(0.0, 0.0, angle))
-    here = Pose.make(np.zeros(3), pose.rotation, pose.quaternion)
-    turned = turn @ here if first else here @ turn
-    return Pose.make(pose.position, turned.rotation, turned.quaternion)

@@ -13,13 +13,14 @@ from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 
 from copose.poses import Array
+from copose.problem import PlanarObstacle
 from copose.report import legends, style
 from copose.report.ranges import ranges
 from copose.report.shapes import cut, outline
 from copose.report.slices import Slice, all_coordinates, linear_slice
 from copose.report.style import Panel
 from copose.report.surroundings import bodies, capsule_points, capsules, flat_capsule
-from copose.results import Posture, Solution
+from copose.results import PlanarPlace, Posture, Solution
 
 # The longest semi-axis drawn, as a share of the scene's larger side.
 _ELLIPSE_SHARE = 0.3
@@ -112,16 +113,18 @@ def _points(panels: list[Panel]) -> Array:
 
 
 def _outline(posture: Posture, solution: Solution) -> Array | None:
-    shape = solution.problem.shape
-    if shape is None:
+    shape, place = solution.problem.shape, posture.object
+    if shape is None or not isinstance(place, PlanarPlace):
         return None
-    return outline(shape, posture.object.position, posture.object.angle)  # type: ignore[union-attr]
+    return outline(shape, place.position, place.angle)
 
 
 def _bodies(ax: Axes, solution: Solution, low: Array, high: Array) -> None:
     """Obstacles, each with its name in the middle of what is seen of it, or below."""
     for each in solution.problem.obstacles:
-        corners = outline(each.shape, each.position, each.angle)  # type: ignore[union-attr, arg-type]
+        if not isinstance(each, PlanarObstacle):
+            continue
+        corners = outline(each.shape, each.position, each.angle)
         seen = cut(corners, low, high)
         if not len(seen):
             continue

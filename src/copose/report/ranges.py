@@ -8,10 +8,9 @@ from itertools import product
 import numpy as np
 
 from copose.poses import Array, rotation_rows
-from copose.problem import SPACES
 from copose.report.shapes import turn
 from copose.report.style import MISS, Panel
-from copose.results import CasePosture, FreeRecord, Posture, Solution
+from copose.results import CasePosture, FreeRecord, PlanarPlace, Posture
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +30,7 @@ class Range:
 
 def ranges(panel: Panel) -> list[Range]:
     """The boxes around the file's positions in which a posture's free positions had to be."""
-    posture, solution = panel.posture, panel.solution
+    posture = panel.posture
     case = f"{posture.name}: " if isinstance(posture, CasePosture) else ""
     here = np.array(posture.object.position)
     nothing, world = np.zeros(len(here)), np.eye(len(here))
@@ -39,18 +38,19 @@ def ranges(panel: Panel) -> list[Range]:
     for arm, base in (posture.base or {}).items():
         position = np.array(base.position)
         found.append(Range(arm, "base", _edges(panel, f"{arm}.base", position, nothing, world)))
-    axes = object_axes(posture, solution)
+    axes = object_axes(posture)
     for arm, grasp in (posture.grasp or {}).items():
         position = np.array(grasp.position)
         found.append(Range(arm, "grasp", _edges(panel, f"{arm}.grasp", position, here, axes)))
     return [each for each in found if len(each.edges)]
 
 
-def object_axes(posture: Posture, solution: Solution) -> Array:
+def object_axes(posture: Posture) -> Array:
     """The rotation of the object, (d, d)."""
-    if SPACES[solution.problem.space].planar:
-        return turn(posture.object.angle)  # type: ignore[union-attr]
-    return np.array(rotation_rows(posture.object.quaternion))  # type: ignore[union-attr]
+    place = posture.object
+    if isinstance(place, PlanarPlace):
+        return turn(place.angle)
+    return np.array(rotation_rows(place.quaternion))
 
 
 def _offset(record: FreeRecord, panel: Panel) -> float | None:

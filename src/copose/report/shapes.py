@@ -24,7 +24,8 @@ def outline(shape: Shape, position: Sequence[float], angle: float) -> Array:
     if shape.kind == "disk":
         around = np.linspace(0, 2 * np.pi, 90)
         return np.asarray(center + shape.radius * np.column_stack([np.cos(around), np.sin(around)]))
-    half = np.array(shape.size[:2]) / 2  # type: ignore[union-attr]
+    assert shape.kind == "box", "the plane has disks and boxes"
+    half = np.array(shape.size[:2]) / 2
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
     return np.asarray(center + corners @ turn(angle).T)
 
@@ -65,7 +66,8 @@ def _faces(shape: Shape | CapsuleShape) -> list[Array]:
         return _box(np.array(shape.size) / 2)
     if shape.kind == "sphere":
         return _tube(shape.radius * np.sin(_HALF), shape.radius * np.cos(_HALF))
-    length = shape.length / 2  # type: ignore[union-attr]
+    assert shape.kind != "disk", "disks are of the plane"
+    length = shape.length / 2
     if shape.kind == "capsule":
         cap = np.linspace(0, np.pi / 2, 4)
         radii, heights = shape.radius * np.sin(cap), length + shape.radius * np.cos(cap)

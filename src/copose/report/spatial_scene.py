@@ -147,7 +147,7 @@ def _faces(posture: Posture, solution: Solution) -> list[Array]:
     shape = solution.problem.shape
     if shape is None:
         return []
-    return faces(shape, posture.object.position, object_axes(posture, solution))
+    return faces(shape, posture.object.position, object_axes(posture))
 
 
 def _body(ax: Any, body: Body) -> None:

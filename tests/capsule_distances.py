@@ -1,10 +1,12 @@
-"""Distances between segments, many at once."""
+"""Distances of segments and of capsules in plain numpy: truth for copose's expressions."""
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
-from copose.poses import Array
+Array = np.ndarray
 
 # Below this share of |u|²|v|² the square of u × v is rounding: the segments count as parallel, at
 # most 3e-8 of their length wrong.
@@ -42,3 +44,21 @@ def segment_distances(a0: Array, a1: Array, b0: Array, b1: Array) -> Array:
 def _dot(a: Array, b: Array) -> Array:
     product: Array = np.einsum("ij,ij->i", a, b)
     return product
+
+
+def capsule_bounds(scene, where) -> Array:
+    """Smallest distances of the capsules round the two solids of every tested pair, (p,)."""
+    carriers = {carrier: k for k, carrier in enumerate(scene.carriers)}
+
+    def placed(solid) -> list:
+        R, p = (part[carriers[solid.carrier]] for part in (where.rotations, where.positions))
+        return [(R @ c.a + p, R @ c.b + p, c.radius) for c in solid.capsules]
+
+    bodies = [placed(solid) for solid in scene.solids]
+    bounds = []
+    for i, j in scene.pairs:
+        rows = list(itertools.product(bodies[i], bodies[j]))
+        ends = (np.array([pair[side][end] for pair in rows]) for side in (0, 1) for end in (0, 1))
+        radii = np.array([one[2] + other[2] for one, other in rows])
+        bounds.append((segment_distances(*ends) - radii).min())
+    return np.array(bounds)
