@@ -7,10 +7,13 @@ from pathlib import Path
 
 import limits
 import numpy as np
+import paths
+import pinocchio as pin
 import pytest
 import run
 import summary
-from cases import NAMES, case, ring_case
+from baselines_path import Tracker
+from cases import NAMES, Case, case, ring_case
 from enumerate_optima import known, same_posture
 from jobs import moved, verdict
 from numpy_model import NumpyModel
@@ -20,19 +23,18 @@ from tables import report
 from truth import Truth, truth_of
 
 import copose
+import path_problems
 from reference import PROBLEMS
 
 BENCHMARKS = PROBLEMS.parent / "benchmarks"
 
 
 def test_every_shipped_problem_is_a_case() -> None:
-    # What no other program can be asked: more than joints free, or bodies in the way.
+    # What no other program can be asked: more than joints free, bodies in the way, or to stay in
+    # reach.
     texts = {path.stem: path.read_text() for path in PROBLEMS.glob("*.toml")}
-    shipped = {
-        name
-        for name, text in texts.items()
-        if not any(word in text for word in (".freedom", "[[cases]]", "collision = true"))
-    }
+    asked = (".freedom", "[[cases]]", "collision = true", "reachable", "[path]")
+    shipped = {name for name, text in texts.items() if not any(word in text for word in asked)}
     assert shipped <= {*NAMES, *limits.SHIPPED}
     assert set(known()) == set(NAMES)
 
@@ -188,6 +190,35 @@ def test_hits_times_and_tables_of_a_run() -> None:
     assert "1/4" in page
     assert "stopped" in page
     assert "nan" not in page
+
+
+def test_followers_keep_closed_and_within_limits_and_climb() -> None:
+    tables = path_problems.gripped(20)
+    tracker = Tracker(tables)
+    truth = Truth(Case("gripped", "", tables))
+    for start in tracker.starts(3, 0):
+        for motion in (tracker.follow(start), tracker.follow(start, 1.0)):
+            for q, time in zip(motion.q, tracker.time, strict=False):
+                now = tracker.path.at(time)
+                truth.place(pin.SE3(now.rotation, now.position))
+                judged = truth.judge(truth.split(q))
+                assert judged.closure < 1e-9 and judged.beyond <= 0
+    still = Tracker(path_problems.along(path_problems.planar(), {}, {}, knots=20))
+    for start in still.starts(3, 0):
+        values = still.follow(start, 0.3).values
+        assert np.all(np.diff(values) > -1e-12) and values[-1] > values[0] + 0.01
+        assert np.ptp(still.follow(start).values) < 1e-9
+
+
+def test_following_and_planning_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    tables = path_problems.hinged(15)
+    monkeypatch.setattr(paths, "carried", lambda knots: path_problems.hinged(knots))
+    rows = paths.compared(tables, 2, (1.0, 10.0))
+    assert len(rows) == 2 and all(one.won("mean") for one in rows)
+    timings = [paths.measured(knots, 1) for knots in (10, 20)]
+    assert -1 < paths.slope(timings) < 3
+    text = paths.page({"1": timings}, rows, "mean", 1.0)
+    assert "2 of 2 above both" in text and "nan" not in text
 
 
 def test_wrong_names_are_answered_with_the_legal_ones() -> None:

@@ -75,7 +75,7 @@ def test_pinocchio_agrees(name: str, dressed: bool) -> None:
     function = ca.Function("all", [mechanics.q], outputs)
     faster, h = ca.SX.sym("faster", len(free)), ca.SX.sym("h", 6)
     fall = arms[0].base.rotation.T @ gravity
-    rest = ca.Function("rest", [mechanics.q, faster, h], [*mechanics.at_rest(faster, fall, h)])
+    rest = ca.Function("rest", [mechanics.q, faster, h], [*mechanics.driven(faster, fall, h)])
     truth = UrdfArm(table, free)
     rng = np.random.default_rng(3)
     for _ in range(20):

@@ -42,6 +42,10 @@ def along(direction: list, **more: object) -> dict:
     return {"kind": "acceleration", "direction": direction} | more
 
 
+def stay(**more: object) -> dict:
+    return {"waypoints": [{}, {}]} | more
+
+
 SPATIAL = [
     ("object.mas", 1.0, "object.mas: unknown key; did you mean 'mass'?"),
     ("object.mass", None, "object.mass: missing"),
@@ -145,8 +149,23 @@ SPATIAL = [
     ("world.gravity", [0, 0], "world.gravity: has 2 entries; 3 are needed"),
     ("search.seed", -1, "search.seed: -1 must be at least 0"),
     ("search.seed", 0.5, "search.seed: 0.5 must be a whole number"),
-    ("search.reachable", True, "search.reachable: unknown key"),
-    ("path", {"duration": 1.0}, "path: unknown key"),
+    ("search.reachable", 1, "search.reachable: 1 must be true or false"),
+    ("path", {"duration": 1.0}, "path.waypoints: missing"),
+    ("path", {"waypoints": [{}]}, "path.waypoints: has 1 entries; at least 2 needed"),
+    ("path", {"waypoints": [{}, {"angle": 1.0}]}, "path.waypoints[1].angle: unknown key"),
+    (
+        "path",
+        stay(duration="fast"),
+        "path.duration: 'fast': must be a number of seconds, or 'short",
+    ),
+    ("path", stay(duration=0), "path.duration: 0: must be from 0.001 to 1e5 s"),
+    ("path", stay(duration=True), "path.duration: true: must be a number of seconds, or"),
+    ("path", stay(knots=1), "path.knots: 1 must be at least 2"),
+    ("path", stay(knots=50.0), "path.knots: 50.0 must be a whole number"),
+    ("path", stay(aggregate="max"), "path.aggregate: 'max' is not allowed; allowed: 'mean' or"),
+    ("path", stay(smoothness=-1), "path.smoothness: -1 must be at least 0"),
+    ("path", stay(tolerance=0), "path.tolerance: 0 must be above zero"),
+    ("arms.0.velocity_limits", [1, 0], "arms[0].velocity_limits[1]: 0 must be above zero"),
     ("obstacles", [{"name": "a", "position": [0, 0, 0]}], "obstacles[0].shape: missing"),
     (
         "obstacles",

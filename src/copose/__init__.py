@@ -14,14 +14,17 @@ from copose.version import __version__
 
 if TYPE_CHECKING:
     from copose.capability import Ellipsoid
+    from copose.paths import PathPlanner, plan
     from copose.planning import Check, Planner, check, evaluate, solve, verify
     from copose.problem import Problem, load, parse
     from copose.report import compare, draw
-    from copose.results import Solution, read_solution
+    from copose.results import Motion, Solution, read_motion, read_solution
 
 _HOMES = {
     "Check": "planning",
     "Ellipsoid": "capability",
+    "Motion": "results",
+    "PathPlanner": "paths",
     "Planner": "planning",
     "Problem": "problem",
     "Solution": "results",
@@ -31,6 +34,8 @@ _HOMES = {
     "evaluate": "planning",
     "load": "problem",
     "parse": "problem",
+    "plan": "paths",
+    "read_motion": "results",
     "read_solution": "results",
     "solve": "planning",
     "verify": "planning",
@@ -41,6 +46,8 @@ __all__ = [
     "CoposeError",
     "Ellipsoid",
     "InputError",
+    "Motion",
+    "PathPlanner",
     "Planner",
     "Problem",
     "Solution",
@@ -51,6 +58,8 @@ __all__ = [
     "evaluate",
     "load",
     "parse",
+    "plan",
+    "read_motion",
     "read_solution",
     "solve",
     "verify",

@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -18,11 +18,14 @@ if TYPE_CHECKING:
 
     from copose.planning.climbing import Progress
     from copose.problem import Problem
-    from copose.results import Solution
+    from copose.results import Motion, Solution
 
 SOLVED, WRONG_INPUT, INFEASIBLE, FAILED = 0, 2, 3, 4
 _STATUS = {"solved": SOLVED, "infeasible": INFEASIBLE, "failed": FAILED}
 _RESULT, _PICTURE = "result.json", "before_after.png"
+_TRAJECTORY, _ROS, _WAY, _FILM = "trajectory.csv", "trajectory.yaml", "path.png", "path.gif"
+_FIGURE = "also draw a .png, .pdf or .svg"
+_MISS = f"{_FIGURE}; of an infeasible problem, its nearest miss"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -65,7 +68,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
 
     solve = _command(commands, "solve", "find the best posture", _solve)
-    _add_outputs(solve)
+    _add_outputs(solve, (_PICTURE,), _MISS)
     solve.add_argument("--seed", type=_seed, metavar="N", help="in place of the file's seed")
     solve.add_argument(
         "--effort", choices=("low", "normal", "high"), default="normal",
@@ -77,10 +80,19 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
 
     evaluate = _command(commands, "evaluate", "the ellipsoids of the file's start", _evaluate)
-    _add_outputs(evaluate)
+    _add_outputs(evaluate, (_PICTURE,), _MISS)
     evaluate.add_argument(
         "--joints", type=Path, metavar="RESULT.json", help="measure this result's posture instead"
     )
+
+    path = _command(commands, "path", "the best joint motion along an object path", _path)
+    _add_outputs(path, (_TRAJECTORY, _WAY), _FIGURE)
+    path.add_argument("--seed", type=_seed, metavar="N", help="in place of the file's seed")
+    path.add_argument(
+        "--ros", action="store_true",
+        help=f"also write {_ROS}, a trajectory_msgs/JointTrajectory",
+    )  # fmt: skip
+    path.add_argument("--animate", action="store_true", help=f"also draw {_FILM}")
 
     compare = commands.add_parser("compare", help="two results side by side")
     compare.add_argument("one", type=Path, metavar="A.json")
@@ -105,15 +117,13 @@ def _command(commands: object, name: str, text: str, run: object) -> argparse.Ar
     return command
 
 
-def _add_outputs(command: argparse.ArgumentParser) -> None:
+def _add_outputs(command: argparse.ArgumentParser, beside: tuple[str, ...], figure: str) -> None:
+    *others, last = _RESULT, *beside
     command.add_argument(
         "-o", "--output", type=Path, metavar="DIR",
-        help="folder for result.json and before_after.png (default: the problem's name)",
+        help=f"folder for {', '.join(others)} and {last} (default: the problem's name)",
     )  # fmt: skip
-    command.add_argument(
-        "--figure", type=Path, metavar="FILE",
-        help="also draw a .png, .pdf or .svg; of an infeasible problem, its nearest miss",
-    )  # fmt: skip
+    command.add_argument("--figure", type=Path, metavar="FILE", help=figure)
     command.add_argument("--quiet", action="store_true", help="print no table")
     command.add_argument("--json", action="store_true", help="print the result instead of a table")
 
@@ -125,7 +135,7 @@ def _seed(text: str) -> int:
 
 
 def _solve(arguments: argparse.Namespace) -> int:
-    folder, problem = _prepare(arguments)
+    folder, problem = _prepare(arguments, (_PICTURE,))
     from copose.planning import Planner
 
     with _progress(arguments) as progress:
@@ -138,8 +148,32 @@ def _solve(arguments: argparse.Namespace) -> int:
     return _finish(solution, folder, arguments)
 
 
+def _path(arguments: argparse.Namespace) -> int:
+    wanted = {_TRAJECTORY: True, _ROS: arguments.ros, _WAY: True, _FILM: arguments.animate}
+    folder, problem = _prepare(arguments, [name for name, asked in wanted.items() if asked])
+    from copose.paths import plan
+
+    with _progress(arguments) as progress:
+        motion = plan(problem, seed=arguments.seed, progress=progress)
+    from copose.report import draw, motion_animation, motion_picture, motion_table
+    from copose.results import joint_trajectory_yaml, trajectory_csv
+
+    makers: dict[str, Callable[[], bytes]] = {
+        _TRAJECTORY: lambda: trajectory_csv(motion).encode(),
+        _ROS: lambda: joint_trajectory_yaml(motion).encode(),
+        _WAY: lambda: motion_picture(motion, "png"),
+        _FILM: lambda: motion_animation(motion),
+    }
+    solved = motion.status == "solved"
+    contents = {name: make() if solved and wanted[name] else None for name, make in makers.items()}
+    _write(motion, folder, contents)
+    if solved and arguments.figure is not None:
+        draw(motion, arguments.figure)
+    return _say(motion, motion_table(motion), folder, arguments)
+
+
 def _evaluate(arguments: argparse.Namespace) -> int:
-    folder, problem = _prepare(arguments)
+    folder, problem = _prepare(arguments, (_PICTURE,))
     from copose.planning import evaluate
     from copose.results import read_solution
 
@@ -179,7 +213,7 @@ def _check(arguments: argparse.Namespace) -> int:
     return SOLVED
 
 
-def _prepare(arguments: argparse.Namespace) -> tuple[Path, Problem]:
+def _prepare(arguments: argparse.Namespace, beside: Sequence[str]) -> tuple[Path, Problem]:
     """The problem and the folder for its answer, both known to be usable before anything runs."""
     from copose.problem import load
     from copose.report import check_format
@@ -189,8 +223,8 @@ def _prepare(arguments: argparse.Namespace) -> tuple[Path, Problem]:
         _check_place(arguments.figure)
     problem = load(arguments.problem)
     folder = arguments.output if arguments.output is not None else Path(problem.name)
-    for file in (folder / _RESULT, folder / _PICTURE):
-        _check_place(file)
+    for name in (_RESULT, *beside):
+        _check_place(folder / name)
     return folder, problem
 
 
@@ -212,26 +246,43 @@ def _check_place(file: Path) -> None:
 def _finish(solution: Solution, folder: Path, arguments: argparse.Namespace) -> int:
     """Write and print an answer."""
     from copose.report import draw, picture, solution_table
-    from copose.results import to_json, write_file
 
-    text = to_json(solution)
-    if solution.status == "solved":
-        write_file(folder / _PICTURE, picture(solution, "png"))
-    else:
-        # A picture of an earlier answer would lie beside a result that has none.
-        with contextlib.suppress(OSError):
-            (folder / _PICTURE).unlink(missing_ok=True)
-    write_file(folder / _RESULT, text.encode())
+    solved = solution.status == "solved"
+    _write(solution, folder, {_PICTURE: picture(solution, "png") if solved else None})
     if arguments.figure is not None:
         draw(solution, arguments.figure)
+    return _say(solution, solution_table(solution), folder, arguments)
+
+
+def _write(answer: Solution | Motion, folder: Path, beside: Mapping[str, bytes | None]) -> None:
+    """A result and what lies beside it, which is removed where there is nothing to write."""
+    from copose.results import to_json, write_file
+
+    text = to_json(answer)
+    for name, content in beside.items():
+        if content is not None:
+            write_file(folder / name, content)
+            continue
+        # A picture of an earlier answer would lie beside a result that has none.
+        with contextlib.suppress(OSError):
+            (folder / name).unlink(missing_ok=True)
+    write_file(folder / _RESULT, text.encode())
+
+
+def _say(
+    answer: Solution | Motion, table: RenderableType, folder: Path, arguments: argparse.Namespace
+) -> int:
+    """Print an answer, and return its exit status."""
     if arguments.json:
-        sys.stdout.write(text)
+        from copose.results import to_json
+
+        sys.stdout.write(to_json(answer))
     elif not arguments.quiet:
-        _print(solution_table(solution))
+        _print(table)
         _print_place(folder)
-    if solution.reason is not None and (arguments.json or arguments.quiet):
-        print(f"copose: {solution.status}: {one_line(solution.reason)}", file=sys.stderr)  # noqa: T201
-    return _STATUS[solution.status]
+    if answer.reason is not None and (arguments.json or arguments.quiet):
+        print(f"copose: {answer.status}: {one_line(answer.reason)}", file=sys.stderr)  # noqa: T201
+    return _STATUS[answer.status]
 
 
 def _print_place(place: Path) -> None:

@@ -60,33 +60,51 @@ def gravity_torques(chain: Chain, gravity: Array | ca.SX) -> ca.SX:
 
 
 def inverse_dynamics(
-    chain: Chain, accelerations: ca.SX, fall: ca.SX, wrench: ca.SX
+    chain: Chain,
+    accelerations: ca.SX,
+    fall: ca.SX,
+    wrench: ca.SX,
+    rates: ca.SX | None = None,
 ) -> tuple[ca.SX, ca.SX]:
-    """Torques M q̈ + g + Jᵀh, (n,), and tip acceleration J q̈, (6,), of an arm at rest.
+    """Torques M q̈ + C q̇ + g + Jᵀh, (n,), and tip acceleration J q̈ + J̇ q̇, (6,).
 
-    Without M and J: what is differentiated stays short. Accelerations of bodies add up from the
-    root outwards, forces and moments about the root origin from the tip inwards.
+    Without M and J: what is differentiated stays short. Velocities and accelerations of bodies,
+    those of the point at the root origin, add up from the root outwards, forces and moments about
+    it from the tip inwards.
 
     Args:
         chain: the arm's frames.
         accelerations: q̈, (n,).
         fall: acceleration of free fall in root axes, m/s², (3,).
         wrench: h, what the tip exerts, force over moment about its origin, root axes, (6,).
+        rates: q̇, (n,); None at rest.
     """
     n = chain.arm.n
     linear, angular = -fall, ca.SX(3, 1)
+    speed, turning = ca.SX(3, 1), ca.SX(3, 1)
     wrenches = []
     for j in range(n):
         v, w = _motion(chain, j)
         linear, angular = linear + v * accelerations[j], angular + w * accelerations[j]
+        if rates is not None:
+            # The joint's axis is carried along by the body before it.
+            linear += (ca.cross(turning, v) + ca.cross(speed, w)) * rates[j]
+            angular += ca.cross(turning, w) * rates[j]
+            speed, turning = speed + v * rates[j], turning + w * rates[j]
         body, frame = chain.arm.joints[j].body, chain.frames[j]
         R = frame.rotation
         com = frame.position + R @ constant(body.com)
         force = body.mass * (linear + ca.cross(angular, com))
         moment = R @ (constant(body.inertia) @ (R.T @ angular))
+        if rates is not None:
+            force += body.mass * ca.cross(turning, speed + ca.cross(turning, com))
+            moment += ca.cross(turning, R @ (constant(body.inertia) @ (R.T @ turning)))
         wrenches.append((force, moment + ca.cross(com, force)))
     tip = chain.tip.position
-    reached = ca.vertcat(linear + fall + ca.cross(angular, tip), angular)
+    reached = ca.vertcat(
+        linear + fall + ca.cross(angular, tip) + ca.cross(turning, speed + ca.cross(turning, tip)),
+        angular,
+    )
     torques = []
     force, moment = wrench[:3], wrench[3:] + ca.cross(tip, wrench[:3])
     for j in reversed(range(n)):

@@ -146,12 +146,17 @@ class ArmMechanics:
         """The same for an acceleration of free fall in root axes, see `Coupling`."""
         return gravity_torques(self.chain, fall)
 
-    def at_rest(self, accelerations: ca.SX, fall: ca.SX, wrench: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """M q̈ + g + Jᵀh, (n,), and J q̈, (m,); fall and the tip's wrench, (m,), in root axes."""
+    def driven(
+        self, accelerations: ca.SX, fall: ca.SX, wrench: ca.SX, rates: ca.SX | None = None
+    ) -> tuple[ca.SX, ca.SX]:
+        """M q̈ + C q̇ + g + Jᵀh, (n,), and J q̈ + J̇ q̇, (m,), see `inverse_dynamics`.
+
+        Fall and the tip's wrench, (m,), in root axes; at rest without joint rates.
+        """
         rows = list(self.space.rows)
         whole = ca.SX(6, 1)
         whole[rows] = wrench
-        torques, reached = inverse_dynamics(self.chain, accelerations, fall, whole)
+        torques, reached = inverse_dynamics(self.chain, accelerations, fall, whole, rates)
         return torques, reached[rows]
 
     def velocity_torques(self, speed: ca.SX) -> ca.SX:

@@ -65,6 +65,7 @@ def answer(
     after: Measurement | Placing | None = None,
     miss: Measurement | None = None,
     search: SearchRecord | None = None,
+    reachable: bool | None = None,
 ) -> Solution:
     """The result of what was measured."""
     notes = (*standing_notes(cell), *notes)
@@ -101,6 +102,7 @@ def answer(
         freedom=_freedom(cell, before, after),
         cases=_cases(cell, after),
         cases_before=_cases(cell, before),
+        reachable_from_start=reachable,
     )
 
 

@@ -278,3 +278,5 @@ def _check_limits(problem: Problem, arms: Sequence[Arm]) -> None:
         _torque_limits(arms, f"objective {kind!r}")
     if problem.constraints.static_torque:
         _torque_limits(arms, "static_torque")
+    if problem.constraints.dynamic_torque:
+        _torque_limits(arms, "dynamic_torque")

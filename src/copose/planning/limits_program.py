@@ -103,10 +103,10 @@ def _demand(
         coupling = system.coupling(i)
         h = ca.SX.sym(f"h_{arm.arm.name}", system.space.m)
         if motion is None:
-            torque, _ = arm.at_rest(ca.SX(arm.arm.n, 1), coupling.fall, h)
+            torque, _ = arm.driven(ca.SX(arm.arm.n, 1), coupling.fall, h)
         else:
             faster = ca.SX.sym(f"qdd_{arm.arm.name}", arm.arm.n)
-            torque, reached = arm.at_rest(faster, coupling.fall, h)
+            torque, reached = arm.driven(faster, coupling.fall, h)
             moved.append(reached - coupling.motion @ (motion @ given))
             speeding.append(faster)
         balance += coupling.balance[rows, :] @ h

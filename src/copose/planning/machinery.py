@@ -292,7 +292,12 @@ class Machinery:
             return None
         ties = setting.placement.ties
         sums = sum(arm.terms(mine, tie) for arm, mine, tie in zip(self.arms, q, ties, strict=True))
-        entries = self.score.gram(np.asarray(sums), setting.given)
+        return self.grams_of(setting, np.asarray(sums))
+
+    def grams_of(self, setting: Setting, sums: Array) -> Array:
+        """The same of the arms' sums, (count, s)."""
+        assert self.score.gram is not None
+        entries = self.score.gram(sums, setting.given)
         a = len(setting.cell.problem.axes)
         grams = np.empty((len(entries), a, a))
         rows, columns = np.triu_indices(a)

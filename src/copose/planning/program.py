@@ -22,7 +22,7 @@ from copose.planning.objectives import EllipsoidMeasure, Objective
 from copose.planning.places import Places
 from copose.poses import Array
 
-_IPOPT: dict[str, Any] = {
+IPOPT: dict[str, Any] = {
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.tol": 1e-9,
@@ -137,14 +137,14 @@ class _Solver:
         self._exact_hessian, self._differenced = exact_hessian, moving.numel()
         self._quick: ca.Function | None = None
         if quick and not exact_hessian:
-            options = _IPOPT | {"ipopt.hessian_approximation": "limited-memory"}
+            options = IPOPT | {"ipopt.hessian_approximation": "limited-memory"}
             self._quick = ca.nlpsol("posture", "ipopt", self.expressions, options)
         else:
             assert self._solver is not None
 
     @cached_property
     def _solver(self) -> ca.Function:
-        options = dict(_IPOPT)
+        options = dict(IPOPT)
         if self._exact_hessian:
             # Starts keep torque limits already.
             options["ipopt.mu_init"] = 1e-2

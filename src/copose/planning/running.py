@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from copose.planning.answering import answer
+from copose.planning.answering import Status, answer
 from copose.planning.capacity import HELD
 from copose.planning.cell import Cell
 from copose.planning.climbing import Progress
@@ -20,6 +20,7 @@ from copose.planning.measuring import Measurement
 from copose.planning.missing import misses
 from copose.planning.notes import margin_notes
 from copose.planning.optima import LocalOptimum
+from copose.planning.reachability import Reached, reachable
 from copose.planning.search import (
     EFFORTS,
     Found,
@@ -28,6 +29,7 @@ from copose.planning.search import (
     search,
 )
 from copose.planning.tightening import tightened
+from copose.planning.within_reach import WithinReach
 from copose.poses import Array
 from copose.results import (
     FailureRecord,
@@ -74,57 +76,48 @@ class Run:
 
     def search(self, effort: EffortName, verify: bool) -> Solution:
         """Search everything."""
-        cell, objective = self.cell, self.machinery.objective
-        found = search(self.machinery, self.setting, self.seed, EFFORTS[effort], self.progress)
+        status: Status
+        within, found = self._found(effort)
         if any(len(sample.closed) == 0 for sample in found.samples):
-            joints, reason = misses(cell, found.samples)
-            return answer(
-                cell,
-                objective,
-                status="infeasible",
-                reason=reason,
-                miss=self.machinery.measure(self.setting, joints),
-                search=self._record(found, self.seed, effort, None),
-                timing=self.timing,
-            )
-        before, notes = self.before(found)
+            if within is not None:
+                return self._none(found, effort, within.stuck, *self._where(within))
+            joints, reason = misses(self.cell, found.samples)
+            miss = self.machinery.measure(self.setting, joints)
+            return self._none(found, effort, reason, miss=miss)
+        before, notes = self.before(found) if within is None else self._where(within)
+        if within is not None and within.too_near is not None:
+            reason = f"the arms cannot move from a start that is too near: {within.too_near}"
+            return self._none(found, effort, reason, before, notes)
         if found.blocked:
-            return answer(
-                cell,
-                objective,
-                # Of more than two arms not all combinations are looked at.
-                status="infeasible" if len(cell.arms) <= 2 else "failed",
-                reason=self.blocked(found),
-                notes=notes,
-                before=before,
-                search=self._record(found, self.seed, effort, None),
-                timing=self.timing,
-            )
-        found, beyond = self.within_limits(found)
-        if beyond is not None:
-            return answer(
-                cell,
-                objective,
-                status="infeasible",
-                reason=beyond,
-                notes=notes,
-                before=before,
-                search=self._record(found, self.seed, effort, None),
-                timing=self.timing,
-            )
-        found = tightened(self.machinery, self.setting, found)
-        after, value = self._best(found, before)
+            # Of more than two arms not all combinations are looked at.
+            status = "infeasible" if len(self.cell.arms) <= 2 else "failed"
+            return self._none(found, effort, self.blocked(found), before, notes, status=status)
+        if within is None:
+            found, beyond = self.within_limits(found)
+            if beyond is not None:
+                return self._none(found, effort, beyond, before, notes)
+        found = self._tightened(found, within)
+        after, value = self._best(found, before, within)
         verification = None
         if verify and value is not None:
-            verification, better = self._verified(effort, value)
+            verification, better = self._verified(effort, value, within)
             if better is not None:
-                found = tightened(self.machinery, self.setting, better)
-                after, value = self._best(found, before)
+                found = self._tightened(better, within)
+                after, value = self._best(found, before, within)
+        reached = self._reached(found, before, after, within)
+        if reached.why and any(arm.start is not None for arm in self.cell.arms):
+            notes += (
+                "the best posture cannot be reached from the start without letting go "
+                f"({'; '.join(reached.why)}); [search] reachable = true keeps to what can",
+            )
+        status = "solved" if after is not None else "failed"
+        if after is None and within is not None and not found.failures:
+            status = "infeasible"
         return answer(
-            cell,
-            objective,
-            status="failed" if after is None else "solved",
-            reason=self._why(found, before) if after is None else None,
+            self.cell,
+            self.machinery.objective,
+            status=status,
+            reason=self._why(found, before, within) if after is None else None,
             notes=(*notes, *self.overlap(after), *_verdict(verification)),
             before=before,
             after=after,
@@ -136,7 +129,70 @@ class Run:
                 verification,
             ),
             timing=self.timing,
+            reachable=reached.whole,
         )
+
+    def _found(self, effort: EffortName) -> tuple[WithinReach | None, Found]:
+        """What is searched where only what can be reached counts, and what a search finds."""
+        tried = EFFORTS[effort]
+        if not self.cell.problem.search.reachable:
+            return None, search(self.machinery, self.setting, self.seed, tried, self.progress)
+        starts = [None if arm.start is None else self.closed(i, arm.start, as_given=True)
+                  for i, arm in enumerate(self.cell.arms)]  # fmt: skip
+        within = WithinReach.of(
+            self.machinery, self.setting, starts, self.seed, tried, self.progress
+        )
+        if not isinstance(within, WithinReach):
+            return None, Found(within)
+        return within, within.search(self.seed, tried, self.progress)
+
+    def _none(
+        self,
+        found: Found,
+        effort: str,
+        reason: str,
+        before: Measurement | None = None,
+        notes: tuple[str, ...] = (),
+        *,
+        miss: Measurement | None = None,
+        status: Status = "infeasible",
+    ) -> Solution:
+        """The answer where no posture does."""
+        return answer(
+            self.cell,
+            self.machinery.objective,
+            status=status,
+            reason=reason,
+            notes=notes,
+            before=before,
+            miss=miss,
+            search=self._record(found, self.seed, effort, None),
+            timing=self.timing,
+        )
+
+    def _tightened(self, found: Found, within: WithinReach | None) -> Found:
+        tight = tightened(self.machinery, self.setting, found)
+        if within is None or self.setting.clearance is None:
+            return tight
+        # What gives way may leave what the arms can come to.
+        return within.confirmed(tight)
+
+    def _reached(
+        self,
+        found: Found,
+        before: Measurement,
+        after: Measurement | None,
+        within: WithinReach | None,
+    ) -> Reached:
+        """Whether the best posture can be reached from the one before."""
+        if after is None:
+            return Reached(None)
+        if after is before or within is not None:
+            return Reached(True)
+        start, end = ([np.array(q) for q in each.posture.joints.values()]
+                      for each in (before, after))  # fmt: skip
+        samples = [sample.closed for sample in found.samples]
+        return reachable(self.machinery, self.setting, start, end, samples)
 
     def follow(self, joints: Sequence[Array]) -> Solution | None:
         """The local optimum that a posture leads to; None where it cannot be closed."""
@@ -144,9 +200,19 @@ class Run:
         q = [mine for mine in closed if mine is not None]
         if len(q) < len(closed):
             return None
-        found = local_search(self.machinery, self.setting, np.concatenate(q), self.progress)
         before = self.machinery.measure(self.setting, q)
-        after, value = self._best(found, before)
+        within = None
+        if self.cell.problem.search.reachable:
+            low, tell = EFFORTS["low"], self.progress
+            around = WithinReach.of(self.machinery, self.setting, q, self.seed, low, tell)
+            if not isinstance(around, WithinReach) or around.too_near is not None:
+                return None
+            within = around
+        setting = self.setting if within is None else within.setting
+        found = local_search(self.machinery, setting, np.concatenate(q), self.progress)
+        if within is not None:
+            found = within.confirmed(found)
+        after, value = self._best(found, before, within)
         if after is None:
             return None
         return answer(
@@ -157,6 +223,7 @@ class Run:
             after=after,
             search=self._record(found, self.seed, "local", value),
             timing=self.timing,
+            reachable=None if within is None else True,
         )
 
     def closed(self, i: int, q: Array, *, as_given: bool = False) -> Array | None:
@@ -201,13 +268,29 @@ class Run:
         measured = self.machinery.measure(self.setting, joints)
         return measured, (*notes, *margin_notes(self.cell, joints))
 
+    def _where(self, within: WithinReach) -> tuple[Measurement, tuple[str, ...]]:
+        """Where the arms are that have to reach what is sought."""
+        notes = [
+            f"arm {arm.name!r} has no start: it is taken to be where the seed's first posture is"
+            if arm.start is None
+            else f"the start of arm {arm.name!r} could not be projected onto its grasp; the first "
+            "closed posture of the seed stands in for it"
+            for i, arm in enumerate(self.cell.arms)
+            if arm.start is None or self.closed(i, arm.start, as_given=True) is None
+        ]
+        measured = self.machinery.measure(self.setting, within.start)
+        return measured, (*notes, *margin_notes(self.cell, within.start))
+
     def _best(
-        self, found: Found, before: Measurement | None
+        self, found: Found, before: Measurement | None, within: WithinReach | None = None
     ) -> tuple[Measurement | None, float | None]:
         """The best optimum that passes its own check, or the start where none is better."""
         cell, best = self.cell, None
         for optimum in found.optima:
-            joints = [self.closed(i, q) for i, q in enumerate(cell.system.split(optimum.q))]
+            joints = [
+                self.closed(i, q, as_given=within is not None)
+                for i, q in enumerate(cell.system.split(optimum.q))
+            ]
             if any(q is None for q in joints):
                 continue
             measured = self.machinery.measure(self.setting, [q for q in joints if q is not None])
@@ -224,6 +307,8 @@ class Run:
             start = before.value if self.allowed(before) else None
             if start is not None and start > best.value:
                 best = before
+        if best is None and within is not None and before is not None and self.allowed(before):
+            best = before
         return best, None if best is None else best.value
 
     def within_limits(self, found: Found) -> tuple[Found, str | None]:
@@ -288,11 +373,16 @@ class Run:
         )
 
     def _verified(
-        self, effort: EffortName, value: float
+        self, effort: EffortName, value: float, within: WithinReach | None
     ) -> tuple[VerificationRecord, Found | None]:
         """A second search, and what it found where that is better."""
         seed = int(np.random.SeedSequence([self.seed, 1]).generate_state(1)[0])
-        again = search(self.machinery, self.setting, seed, EFFORTS[effort].doubled(), self.progress)
+        more = EFFORTS[effort].doubled()
+        again = (
+            search(self.machinery, self.setting, seed, more, self.progress)
+            if within is None
+            else within.search(seed, more, self.progress)
+        )
         best: LocalOptimum | None = again.optima[0] if again.optima else None
         stands = best is None or best.objective <= value + _STANDS
         record = VerificationRecord(
@@ -332,7 +422,9 @@ class Run:
             verification=verification,
         )
 
-    def _why(self, found: Found, before: Measurement) -> str:
+    def _why(self, found: Found, before: Measurement, within: WithinReach | None) -> str:
+        if within is not None:
+            return "nothing that can be reached from the start, nor that itself, is allowed"
         if before.value is None and before.notes:
             return before.notes[0]
         if not found.failures:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from copose.planning.program import LocalSolve
 from copose.planning.screening import Screened, screen
 from copose.planning.self_motion import ArmSample, ArmSampler, held_sample
 from copose.poses import Array, Indices, Mask
+
+Allowed: TypeAlias = Callable[[Indices], Mask]
+"""Says of combinations of the arms' postures, by their indices, (count, K), which are allowed."""
 
 _APART = 0.3
 # Degrees of freedom to spare, of all arms, up to which the full number of starts is polished; and
@@ -105,6 +109,7 @@ class Found:
         starts: combinations that were polished.
         optima: distinct local optima, best first.
         failures: how polishing failed, and how often.
+        best: the best combination before polishing, (N,); None where there is none.
         blocked: what comes too near in all postures of an arm.
     """
 
@@ -114,6 +119,7 @@ class Found:
     starts: int = 0
     optima: tuple[LocalOptimum, ...] = ()
     failures: tuple[LocalSolve, ...] = ()
+    best: Array | None = None
     blocked: tuple[str, ...] = ()
 
 
@@ -147,7 +153,7 @@ def search(
     near = [sample.neighbours for sample in samples]
     blind = replace(setting, clearance=None)
     polished = Climbs(machinery, blind, progress, effort.polished)
-    found = _compared(polished, samples, postures, near, seed, effort)
+    found = compared(polished, samples, postures, near, seed, effort)
     if setting.clearance is None:
         return found
     # What bodies in the way leave is worth no more than what there is without them.
@@ -160,19 +166,20 @@ def search(
         return replace(found, optima=optima, blocked=() if optima else cleared.blocked)
     polished = Climbs(machinery, setting, progress, effort.polished)
     polished.ends += optima
-    found = _compared(polished, samples, cleared.postures, cleared.neighbours, seed, effort)
+    found = compared(polished, samples, cleared.postures, cleared.neighbours, seed, effort)
     if found.optima or found.failures:
         return found
     return replace(found, blocked=(in_each_others_way(setting, cleared.postures, seed),))
 
 
-def _compared(
+def compared(
     polished: Climbs,
     samples: Sequence[ArmSample],
     postures: list[Array],
     near: list[Indices],
     seed: int,
     effort: Effort,
+    allowed: Allowed | None = None,
 ) -> Found:
     """Combine the arms' postures, polish the best, and combine anew.
 
@@ -183,13 +190,15 @@ def _compared(
         near: indices of the postures next to each, by arm.
         seed: of everything that is drawn.
         effort: how much is tried.
+        allowed: says of combinations of these postures which are; without it, where bodies must
+            keep a clearance, those are that do.
     """
     machinery, setting = polished.machinery, polished.setting
     cell = setting.cell
     K = len(cell.arms)
     polished.progress("comparing postures", 0.5)
     rng = np.random.default_rng([seed, K])
-    screened = _screened(machinery, setting, postures, near, rng, effort.starts)
+    screened = _screened(machinery, setting, postures, near, rng, effort.starts, allowed)
     # A step in many dimensions takes many evaluations.
     spare = sum(max(0, kernels.n - kernels.m) for kernels in machinery.arms)
     most = max(_FEWEST, int(effort.polished * min(1.0, _PLAIN / max(spare, 1))))
@@ -248,6 +257,7 @@ def _compared(
         starts=polished.starts,
         optima=tuple(gathered(cell, polished.ends)),
         failures=tuple(polished.failures),
+        best=starts[0] if len(starts) else None,
     )
 
 
@@ -277,22 +287,24 @@ def _screened(
     neighbours: Sequence[Indices],
     rng: np.random.Generator,
     starts: int,
+    allowed: Allowed | None = None,
 ) -> Screened:
     terms = [machinery.terms(setting, i, mine) for i, mine in enumerate(postures)]
-    allowed = None
     clearance = setting.clearance
-    if clearance is not None:
+    if clearance is not None and allowed is None:
         alone = [
             clearance.placed(setting.cell, [mine if j == i else None for j in range(len(postures))])
             for i, mine in enumerate(postures)
         ]
 
-        def allowed(chosen: Indices) -> Mask:
+        def clear(chosen: Indices) -> Mask:
             """Whether arms that keep clear alone keep clear of each other."""
-            clear = np.ones(len(chosen), dtype=bool)
+            found = np.ones(len(chosen), dtype=bool)
             near = clearance.among(clearance.combined(alone, chosen), clearance.shared, 0.0)
-            clear[near.rows] = False
-            return clear
+            found[near.rows] = False
+            return found
+
+        allowed = clear
 
     if machinery.static:
         # A combination that cannot be held may stand above a neighbour that can.

@@ -97,7 +97,7 @@ class ArmSampler:
             points = np.vstack([self._kept(start[None]), points])
         if len(first):
             points = points[(np.abs(points - first) > _SAME).any(axis=1)]
-        points = np.vstack([first, _thinned(points, most)])
+        points = np.vstack([first, thinned(points, most)])
         missed = points[:0]
         if len(points) == 0 and insistence:
             points, missed = self._insist(rng, insistence)
@@ -172,7 +172,7 @@ def held_sample(cell: Cell, kernels: ArmKernels, i: int, goal: Array) -> ArmSamp
     )
 
 
-def _thinned(points: Array, most: int) -> Array:
+def thinned(points: Array, most: int) -> Array:
     """At most so many of the points, evenly in their order."""
     if len(points) <= most:
         return points

@@ -15,6 +15,7 @@ from copose.problem.objects import (
     Shape,
     SpatialObject,
 )
+from copose.problem.path import PathSpec, PlanarWaypoint, Waypoint
 from copose.problem.reading import case_problems, displaced, load, moved, parse, read_text
 from copose.problem.spaces import SPACES, Space, SpaceName
 from copose.problem.spec import ConstraintsSpec, PlanarProblem, Problem, SpatialProblem
@@ -27,11 +28,13 @@ __all__ = [
     "CaseSpec",
     "ConstraintsSpec",
     "Obstacle",
+    "PathSpec",
     "PayloadObjective",
     "PlanarArm",
     "PlanarObject",
     "PlanarObstacle",
     "PlanarProblem",
+    "PlanarWaypoint",
     "Problem",
     "Shape",
     "Space",
@@ -40,6 +43,7 @@ __all__ = [
     "SpatialProblem",
     "TaskCompatibilityObjective",
     "UrdfArm",
+    "Waypoint",
     "case_problems",
     "displaced",
     "load",

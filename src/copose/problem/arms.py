@@ -72,6 +72,8 @@ class ArmSpec(Spec):
     start: tuple[Number, ...] | None = None
     torque_limits: tuple[Positive, ...] | None = None
     position_limits: tuple[Range, ...] | None = None
+    velocity_limits: tuple[Positive, ...] | None = None
+    acceleration_limits: tuple[Positive, ...] | None = None
     armature: tuple[NotNegative, ...] | None = None
     grip: Grip = Grip()
     fixed: bool = False

@@ -30,6 +30,7 @@ from copose.problem.aims import (
 from copose.problem.arms import ArmSpec, PlanarArm, UrdfArm
 from copose.problem.cases import Case, CaseSpec, PlanarCase
 from copose.problem.objects import Obstacle, PlanarObject, PlanarObstacle, SpatialObject
+from copose.problem.path import PathSpec, PlanarPath, SpatialPath
 from copose.problem.spaces import SPACES, Space, SpaceName
 from copose.problem.values import FolderName, NotNegative, Positive, Spec, Text, fault, whole
 
@@ -50,6 +51,7 @@ class ConstraintsSpec(Spec):
 
     joint_margin: NotNegative = 0.0
     static_torque: bool = False
+    dynamic_torque: bool = False
     internal_force: Positive | None = None
     collision: bool = False
     clearance: NotNegative = 0.01
@@ -59,6 +61,7 @@ class SearchSpec(Spec):
     """``[search]``: how postures are searched."""
 
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    reachable: bool = False
 
 
 class Problem(Spec):
@@ -76,6 +79,7 @@ class Problem(Spec):
     constraints: ConstraintsSpec = ConstraintsSpec()
     obstacles: tuple[Obstacle | PlanarObstacle, ...] = ()
     cases: tuple[Case, ...] | tuple[PlanarCase, ...] = ()
+    path: PathSpec | None = None
     search: SearchSpec = SearchSpec()
 
     _source: Path | None = PrivateAttr(None)
@@ -144,6 +148,24 @@ class Problem(Spec):
                     f"obstacles[{i}].name",
                     f"{shown(obstacle.name)} is the object's or an arm's; give it its own",
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _path_fits(self) -> Problem:
+        moves = bool(self.object.freedom.ranges) or any(
+            arm.freedom.base.ranges or arm.freedom.grasp.ranges for arm in self.arms
+        )
+        if self.search.reachable and (moves or self.cases):
+            also = "freedom" if moves else "cases"
+            raise fault("search.reachable", f"and {also} exclude each other; leave out one of them")
+        if self.path is None:
+            return self
+        if moves or self.cases:
+            also = "freedom" if moves else "cases"
+            raise fault("path", f"and {also} exclude each other; leave out one of them")
+        for i, arm in enumerate(self.arms):
+            if arm.fixed:
+                raise fault(f"arms[{i}].fixed", "an arm held at its start cannot follow a path")
         return self
 
     def _check_case(self, case: CaseSpec, key: str) -> None:
@@ -244,6 +266,7 @@ class SpatialProblem(Problem):
     arms: Annotated[tuple[UrdfArm, ...], Field(min_length=1, max_length=_MOST_ARMS)]
     obstacles: Annotated[tuple[Obstacle, ...], Field(max_length=_MOST_OBSTACLES)] = ()
     cases: Annotated[tuple[Case, ...], Field(max_length=_MOST_CASES)] = ()
+    path: SpatialPath | None = None
 
 
 class PlanarProblem(Problem):
@@ -254,3 +277,4 @@ class PlanarProblem(Problem):
     arms: Annotated[tuple[PlanarArm, ...], Field(min_length=1, max_length=_MOST_ARMS)]
     obstacles: Annotated[tuple[PlanarObstacle, ...], Field(max_length=_MOST_OBSTACLES)] = ()
     cases: Annotated[tuple[PlanarCase, ...], Field(max_length=_MOST_CASES)] = ()
+    path: PlanarPath | None = None

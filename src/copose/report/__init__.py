@@ -1,7 +1,15 @@
 """Tables and figures of results."""
 
 from copose.report.comparing import Comparison, compare, comparison_table
-from copose.report.picture import check_format, draw, draw_comparison, picture
+from copose.report.motion_table import motion_table
+from copose.report.picture import (
+    check_format,
+    draw,
+    draw_comparison,
+    motion_animation,
+    motion_picture,
+    picture,
+)
 from copose.report.tables import chains, solution_table
 
 __all__ = [
@@ -12,6 +20,9 @@ __all__ = [
     "comparison_table",
     "draw",
     "draw_comparison",
+    "motion_animation",
+    "motion_picture",
+    "motion_table",
     "picture",
     "solution_table",
 ]

@@ -6,9 +6,32 @@ from collections.abc import Sequence
 from itertools import zip_longest
 
 from rich.table import Table
+from rich.text import Text
 
 from copose.report import style
+from copose.report.style import Answer
 from copose.results import Solution
+
+
+def heading(name: str, text: str) -> Text:
+    """What stands above tables."""
+    return Text.assemble((name, "bold"), f": {text}")
+
+
+def status_line(answer: Answer) -> Text:
+    """How a result ended, and why."""
+    said = ": ".join(filter(None, (answer.status, answer.reason)))
+    return heading(answer.problem.name, said)
+
+
+def note_lines(notes: Sequence[str]) -> list[Text]:
+    """What stands below tables."""
+    return [Text(f"note: {note}", style="dim") for note in notes]
+
+
+def counted(count: int, one: str, many: str | None = None) -> str:
+    """A number of things, ``1,024 postures``."""
+    return f"{count:,} {one if count == 1 else many or one + 's'}"
 
 
 def plain_table(*titles: str) -> Table:

@@ -14,6 +14,12 @@ ALONE = "each arm alone, at its tip"
 RANGES = "free range"
 OTHER = "the other one's ellipsoids"
 
+# A legend over a chart.
+SMALL: Any = {
+    "frameon": False, "fontsize": 9, "borderaxespad": 0.1, "columnspacing": 1.2,
+    "handlelength": 1.6,
+}  # fmt: skip
+
 
 def keys(arms: Iterable[str], *more: str) -> list[str]:
     """The entries of a picture's legend."""
@@ -26,6 +32,13 @@ def legend_grid(entries: list[str], inches: float) -> tuple[int, int]:
     widest = max(0.6 + len(entry) / 12 for entry in entries)
     columns = max(1, min(len(entries), int(inches / widest)))
     return columns, -(-len(entries) // columns)
+
+
+def small_grid(entries: list[str], inches: float) -> tuple[int, int]:
+    """The same of legends that look like `SMALL`."""
+    if sum(0.45 + 0.066 * len(entry) for entry in entries) <= inches:
+        return len(entries), 1
+    return legend_grid(entries, 11 / 9 * inches)
 
 
 def legend_below(

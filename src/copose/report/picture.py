@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import logging
 import warnings
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from copose.errors import InputError
 from copose.problem import SPACES
 from copose.report import style
 from copose.report.comparing import Comparison
 from copose.report.rows import Row, case_rows, result_row
-from copose.results import Solution, write_file
+from copose.results import Motion, Solution, write_file
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FORMATS = (".png", ".pdf", ".svg")
 
@@ -41,40 +47,81 @@ def picture(solution: Solution, kind: str) -> bytes:
     return _rendered(style.panels(solution), case_rows(solution), heading, kind)
 
 
+def motion_picture(motion: Motion, kind: str) -> bytes:
+    """A motion's picture as a file's content.
+
+    Args:
+        motion: with knots.
+        kind: png, pdf or svg.
+    """
+    with _drawing():
+        from copose.report.motion_figure import motion_figure
+
+        return _saved(motion_figure(motion), kind)
+
+
+def motion_animation(motion: Motion) -> bytes:
+    """A motion in real time as the content of a .gif file.
+
+    Args:
+        motion: with knots.
+    """
+    with _drawing():
+        from copose.report.motion_film import film
+
+        return film(motion)
+
+
 def _rendered(panels: list[style.Panel], rows: list[Row], heading: str, kind: str) -> bytes:
     """The rows where there are some, else the panels."""
-    import matplotlib
-
     from copose.report.cases import cases_figure
     from copose.report.planar import planar_figure
     from copose.report.spatial import spatial_figure
 
-    # It warns of folders that it cannot write its font cache to; fonts are found without.
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)
-    # The date that these formats carry would make the same result look different every time.
-    metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
-    with matplotlib.rc_context(style.RC), warnings.catch_warnings():
-        # A name in a script that the font lacks is drawn as boxes; that is all there is to say.
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+    with _drawing():
         if rows:
             figure = cases_figure(rows, heading)
         elif SPACES[panels[0].solution.problem.space].planar:
             figure = planar_figure(panels, heading)
         else:
             figure = spatial_figure(panels, heading)
-        sink = io.BytesIO()
-        figure.savefig(sink, format=kind, dpi=120, facecolor="white", metadata=metadata)
+        return _saved(figure, kind)
+
+
+@contextlib.contextmanager
+def _drawing() -> Iterator[None]:
+    """What all pictures look like."""
+    import matplotlib
+
+    # It warns of folders that it cannot write its font cache to; fonts are found without.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    with matplotlib.rc_context(style.RC), warnings.catch_warnings():
+        # A name in a script that the font lacks is drawn as boxes; that is all there is to say.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        yield
+
+
+def _saved(figure: Figure, kind: str) -> bytes:
+    # The date that these formats carry would make the same result look different every time.
+    metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
+    sink = io.BytesIO()
+    figure.savefig(sink, format=kind, dpi=120, facecolor="white", metadata=metadata)
     return sink.getvalue()
 
 
-def draw(solution: Solution, path: str | Path) -> None:
-    """Draw a result's postures into a .png, .pdf or .svg file.
+def draw(solution: Solution | Motion, path: str | Path) -> None:
+    """Draw a result's postures, or a motion, into a .png, .pdf or .svg file.
 
     Raises:
         InputError: the file cannot be written, or the result has no posture to draw.
     """
     file = Path(path)
     check_format(file)
+    if isinstance(solution, Motion):
+        if solution.knots is None:
+            raise InputError(f"no motion to draw: {solution.reason}")
+        write_file(file, motion_picture(solution, file.suffix.lower()[1:]))
+        return
     if not style.panels(solution) and not case_rows(solution):
         raise InputError(f"no posture to draw: {solution.reason}")
     write_file(file, picture(solution, file.suffix.lower()[1:]))

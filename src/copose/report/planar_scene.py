@@ -18,9 +18,9 @@ from copose.report import legends, style
 from copose.report.ranges import ranges
 from copose.report.shapes import cut, outline
 from copose.report.slices import Slice, all_coordinates, linear_slice
-from copose.report.style import Panel
+from copose.report.style import Answer, Panel
 from copose.report.surroundings import bodies, capsule_points, capsules, flat_capsule
-from copose.results import PlanarPlace, Posture, Solution
+from copose.results import PlanarPlace, Posture
 
 # The longest semi-axis drawn, as a share of the scene's larger side.
 _ELLIPSE_SHARE = 0.3
@@ -71,22 +71,27 @@ class Stage:
         low, high = self.low, self.high
         points = [body.points for p in panels for body in bodies(p.solution, low, high)]
         known = np.vstack([low, high, *more, *points])
-        low, high = known.min(axis=0), known.max(axis=0)
-        # A flat scene still needs a frame to be read in.
-        least = 0.4 * float((high - low).max())
-        margin = 0.04 * self.size + np.maximum(least - (high - low), 0.0) / 2
-        return low - margin, high + margin
+        return roomy(known, self.size)
 
     def draw(self, ax: Axes, panels: list[Panel], k: int, low: Array, high: Array) -> None:
         """The scene of one of the panels."""
         panel = panels[k]
-        _bodies(ax, panel.solution, low, high)
-        _scene(ax, panel.posture, panel.solution)
+        draw_bodies(ax, panel.solution, low, high)
+        draw_posture(ax, panel.posture, panel.solution)
         _ellipses(ax, panel, self.placed[k], self.scales[k] if self.scales else 1.0)
         _ranges(ax, panel)
         ax.set_xlim(low[0], high[0])
         ax.set_ylim(low[1], high[1])
         ax.set_aspect("equal")
+
+
+def roomy(points: Array, size: float) -> tuple[Array, Array]:
+    """The box around points, (k, 2), with a margin for a scene of a size, m."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    # A flat scene still needs a frame to be read in.
+    least = 0.4 * float((high - low).max())
+    margin = 0.04 * size + np.maximum(least - (high - low), 0.0) / 2
+    return low - margin, high + margin
 
 
 def _placed(panel: Panel) -> list[Placed]:
@@ -105,21 +110,24 @@ def _placed(panel: Panel) -> list[Placed]:
 
 def _points(panels: list[Panel]) -> Array:
     """Points of arms and objects."""
-    postures = [panel.posture for panel in panels]
-    points = [np.array([*a.skeleton, a.grasp])[:, :2] for p in postures for a in p.arms.values()]
-    points += [o for p in panels if (o := _outline(p.posture, p.solution)) is not None]
-    points += [np.array([p.object.position]) for p in postures]
-    return np.vstack(points)
+    return np.vstack([posture_points(panel.posture, panel.solution) for panel in panels])
 
 
-def _outline(posture: Posture, solution: Solution) -> Array | None:
+def posture_points(posture: Posture, solution: Answer) -> Array:
+    """Points of arms and object, (k, 2)."""
+    points = [np.array([*arm.skeleton, arm.grasp])[:, :2] for arm in posture.arms.values()]
+    rim = _outline(posture, solution)
+    return np.vstack([*points, *([] if rim is None else [rim]), posture.object.position])
+
+
+def _outline(posture: Posture, solution: Answer) -> Array | None:
     shape, place = solution.problem.shape, posture.object
     if shape is None or not isinstance(place, PlanarPlace):
         return None
     return outline(shape, place.position, place.angle)
 
 
-def _bodies(ax: Axes, solution: Solution, low: Array, high: Array) -> None:
+def draw_bodies(ax: Axes, solution: Answer, low: Array, high: Array) -> None:
     """Obstacles, each with its name in the middle of what is seen of it, or below."""
     for each in solution.problem.obstacles:
         if not isinstance(each, PlanarObstacle):
@@ -142,7 +150,20 @@ def _bodies(ax: Axes, solution: Solution, low: Array, high: Array) -> None:
         name.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
 
 
-def _scene(ax: Axes, posture: Posture, solution: Solution) -> None:
+def draw_ghost(ax: Axes, posture: Posture, solution: Answer, strength: float) -> None:
+    """Arms and object as they pass by."""
+    rim = _outline(posture, solution)
+    if rim is not None:
+        ax.add_patch(Polygon(rim, fill=False, edgecolor=style.INK, linewidth=0.8, zorder=1.8,
+                             alpha=0.7 * strength))  # fmt: skip
+    for name, color in style.arm_colors(posture).items():
+        points = np.array(posture.arms[name].skeleton)[:, :2]
+        ax.plot(*points.T, color=color, linewidth=3, alpha=strength, zorder=1.9,
+                solid_capstyle="round", solid_joinstyle="round")  # fmt: skip
+
+
+def draw_posture(ax: Axes, posture: Posture, solution: Answer) -> None:
+    """Arms, object and what keeps them apart."""
     ax.grid(True, color="#EEEEEE", linewidth=0.8)
     ax.set_axisbelow(True)
     center = np.array(posture.object.position)

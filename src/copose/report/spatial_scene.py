@@ -16,15 +16,15 @@ from copose.report.frames import frame, roomy, view_axes
 from copose.report.ranges import object_axes, ranges
 from copose.report.shapes import faces
 from copose.report.slices import Slice, angular_slice, linear_slice
-from copose.report.style import Panel
+from copose.report.style import Answer, Panel
 from copose.report.surroundings import Body, bodies, capsule_points, capsules, seen_capsule
-from copose.results import EllipsoidRecord, Posture, Solution
+from copose.results import EllipsoidRecord, Posture
 
 # The longest semi-axis drawn, and how high the angular slice floats, as shares of the scene.
 _ELLIPSE_SHARE = 0.18
 _LIFT = 0.42
 # Over all that is drawn by its depth.
-_ON_TOP = 1000
+ON_TOP = 1000
 
 
 @dataclass(frozen=True)
@@ -116,8 +116,8 @@ class Stage:
         """The scene of one of the panels; ``whole`` as `frame` has it."""
         panel = panels[k]
         for body in self.bodies[k]:
-            _body(ax, body)
-        _scene(ax, panel.posture, panel.solution)
+            draw_body(ax, body)
+        draw_posture(ax, panel.posture, panel.solution)
         frame(ax, self.low, self.high, ("x, m", "y, m", "z, m"), whole=whole)
         for kind in self.kinds:
             _draw_slice(ax, panel, kind, kind.scales[k])
@@ -130,10 +130,7 @@ class Stage:
 
 def _points(panels: list[Panel], kinds: list[Kind]) -> Array:
     """Points of arms, objects and slices."""
-    postures = [panel.posture for panel in panels]
-    points = [np.array([*a.skeleton, a.grasp]) for p in postures for a in p.arms.values()]
-    points += [np.vstack(each) for p in panels if (each := _faces(p.posture, p.solution))]
-    points += [np.array([p.object.position]) for p in postures]
+    points = [posture_points(panel.posture, panel.solution) for panel in panels]
     for kind in kinds:
         for panel, scale in zip(panels, kind.scales, strict=True):
             part = kind.of(panel)
@@ -142,7 +139,13 @@ def _points(panels: list[Panel], kinds: list[Kind]) -> Array:
     return np.vstack(points)
 
 
-def _faces(posture: Posture, solution: Solution) -> list[Array]:
+def posture_points(posture: Posture, solution: Answer) -> Array:
+    """Points of arms and object, (k, 3)."""
+    points = [np.array([*arm.skeleton, arm.grasp]) for arm in posture.arms.values()]
+    return np.vstack([*points, *_faces(posture, solution), posture.object.position])
+
+
+def _faces(posture: Posture, solution: Answer) -> list[Array]:
     """The object's surface as polygons in the world."""
     shape = solution.problem.shape
     if shape is None:
@@ -150,7 +153,7 @@ def _faces(posture: Posture, solution: Solution) -> list[Array]:
     return faces(shape, posture.object.position, object_axes(posture))
 
 
-def _body(ax: Any, body: Body) -> None:
+def draw_body(ax: Any, body: Body) -> None:
     """An obstacle and its name, below it."""
     edge = (style.OBSTACLE, 0.2 if body.round else 1.0)
     solid = Poly3DCollection(body.faces, facecolors=(style.OBSTACLE, 0.25), edgecolors=edge,
@@ -158,11 +161,23 @@ def _body(ax: Any, body: Body) -> None:
     ax.add_collection3d(solid)
     lowest = body.points[np.argmin(body.points @ view_axes()[1])]
     name = ax.text(*lowest, style.short(body.name), fontsize=8, color=style.INK, ha="center",
-                   va="top", zorder=_ON_TOP)  # fmt: skip
+                   va="top", zorder=ON_TOP)  # fmt: skip
     name.set_path_effects([withStroke(linewidth=2, foreground="white")])
 
 
-def _scene(ax: Any, posture: Posture, solution: Solution) -> None:
+def draw_ghost(ax: Any, posture: Posture, solution: Answer, strength: float) -> None:
+    """Arms and object as they pass by."""
+    for corners in _faces(posture, solution):
+        rim = np.vstack([corners, corners[:1]])
+        ax.plot(*rim.T, color=style.INK, linewidth=0.6, alpha=0.6 * strength)
+    for name, color in style.arm_colors(posture).items():
+        points = np.array(posture.arms[name].skeleton)
+        ax.plot(*points.T, color=color, linewidth=2.5, alpha=strength, solid_capstyle="round",
+                solid_joinstyle="round")  # fmt: skip
+
+
+def draw_posture(ax: Any, posture: Posture, solution: Answer) -> None:
+    """Arms, object and what keeps them apart."""
     for rows, color in capsules(posture).values():
         rims = [seen_capsule(row) for row in rows]
         ax.add_collection3d(Poly3DCollection(rims, facecolor=color, alpha=0.12, linewidth=0))
@@ -195,11 +210,11 @@ def _ranges(ax: Any, panel: Panel) -> None:
     for each in found:
         color = style.INK if each.arm is None else colors[each.arm]
         for edge in each.edges:
-            ax.plot(*edge.T, color=color, linewidth=1.2, linestyle=style.DASHES, zorder=_ON_TOP,
+            ax.plot(*edge.T, color=color, linewidth=1.2, linestyle=style.DASHES, zorder=ON_TOP,
                     marker="." if len(each.edges) == 1 else "")  # fmt: skip
     if found:
         ax.plot(*np.array(panel.posture.object.position)[:, None], marker="o", markersize=4,
-                color=style.INK, zorder=_ON_TOP)  # fmt: skip
+                color=style.INK, zorder=ON_TOP)  # fmt: skip
         ax.plot([], [], color=style.INK, linewidth=1.2, linestyle=style.DASHES,
                 label=legends.RANGES)  # fmt: skip
 

@@ -8,9 +8,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
-from copose.results import CasePosture, Posture, Solution
+from copose.results import CasePosture, Motion, Posture, Solution
+
+Answer: TypeAlias = Solution | Motion
 
 SYSTEM = "#D55E00"
 ANGULAR = "#8B3A8B"
@@ -49,7 +51,7 @@ LIMITED = ("acceleration", "payload", "all-round")
 OPEN = 1e-6
 
 
-def units(solution: Solution) -> tuple[str, str]:
+def units(solution: Answer) -> tuple[str, str]:
     """Units of linear and of angular semi-axes: per unit torque, or at the torque limits."""
     per = "" if solution.problem.torque_scaling == "limits" else " per N·m"
     return f"m/s²{per}", f"rad/s²{per}"
@@ -128,12 +130,12 @@ def now(solution: Solution) -> str:
     return "after" if compared(solution) or placed else "posture"
 
 
-def measure_word(solution: Solution) -> str:
+def measure_word(solution: Answer) -> str:
     """What the content of a result's ellipsoid is called."""
     return {1: "length", 2: "area"}.get(len(solution.problem.axes), "volume")
 
 
-def objective_name(solution: Solution) -> str:
+def objective_name(solution: Answer) -> str:
     """What the value of a result's objective is called."""
     kind = solution.objective.kind
     return {
@@ -144,7 +146,7 @@ def objective_name(solution: Solution) -> str:
     }.get(kind, kind)
 
 
-def objective_unit(solution: Solution) -> str:
+def objective_unit(solution: Answer) -> str:
     """The unit of a result's objective; empty of logarithms and ratios."""
     unit = solution.objective.unit
     return "" if unit in ("1", "log") else unit
@@ -193,8 +195,17 @@ def short(name: str, most: int = 20) -> str:
 
 def gain_words(solution: Solution) -> str:
     """A gain in plain words: ``volume ×2.3``; empty where there is none to tell."""
+    found = gain(solution)
+    weights = [case.weight for case in solution.cases or ()]
+    mean = "average" if len(set(weights)) == 1 else "weighted average"
+    over = f" on {mean} over {len(weights)} cases" if len(weights) > 1 else ""
+    return f"{gain_word(solution)} {found}{over}" if found else ""
+
+
+def gain_word(solution: Answer) -> str:
+    """What it is that a gain is of."""
     volume = measure_word(solution)
-    word = {
+    return {
         "volume": volume,
         "task-compatibility": "weighted acceleration",
         "worst-direction": "shortest semi-axis",
@@ -202,11 +213,6 @@ def gain_words(solution: Solution) -> str:
         "velocity-volume": f"velocity {volume}",
         "force-volume": f"force {volume}",
     }.get(solution.objective.kind, objective_name(solution))
-    found = gain(solution)
-    weights = [case.weight for case in solution.cases or ()]
-    mean = "average" if len(set(weights)) == 1 else "weighted average"
-    over = f" on {mean} over {len(weights)} cases" if len(weights) > 1 else ""
-    return f"{word} {found}{over}" if found else ""
 
 
 def gain(solution: Solution) -> str:
@@ -221,7 +227,7 @@ def gain(solution: Solution) -> str:
     return gain_between(solution, objective.before / weight, objective.after / weight)
 
 
-def gain_between(solution: Solution, before: float | None, after: float | None) -> str:
+def gain_between(solution: Answer, before: float | None, after: float | None) -> str:
     """The gain from one value of a result's objective to another; empty where one is missing."""
     if before is None or after is None:
         return ""

@@ -11,7 +11,14 @@ from rich.text import Text
 from copose.capability import RESOLUTIONS
 from copose.problem import SPACES
 from copose.report import style
-from copose.report.columns import compared_table, plain_table
+from copose.report.columns import (
+    compared_table,
+    counted,
+    heading,
+    note_lines,
+    plain_table,
+    status_line,
+)
 from copose.report.limits import limit_rows, limit_tables
 from copose.report.placement import case_tables, distance_rows, free_tables, placement_lines
 from copose.report.slices import angular_slice, linear_slice, semi_axes
@@ -25,24 +32,15 @@ _OPTIMA = 5
 def solution_table(solution: Solution) -> RenderableType:
     """What a result says, in the order in which a reader asks."""
     parts: list[RenderableType] = []
-    said = [solution.status, solution.reason] if solution.reason else [solution.status]
-    parts.append(_heading(solution.problem.name, ": ".join(map(str, said))))
+    parts.append(status_line(solution))
     if solution.after is not None:
         parts += [_numbers(solution), _volumes(solution)]
         parts += [*limit_tables(solution), _joints(solution), *free_tables(solution)]
     elif solution.cases:
         parts += [*case_tables(solution), *free_tables(solution)]
     parts.append(Text(_evidence(solution)))
-    parts += _notes(solution.notes)
+    parts += note_lines(solution.notes)
     return Group(*parts)
-
-
-def _heading(name: str, text: str) -> Text:
-    return Text.assemble((name, "bold"), f": {text}")
-
-
-def _notes(notes: tuple[str, ...]) -> list[Text]:
-    return [Text(f"note: {note}", style="dim") for note in notes]
 
 
 def _numbers(solution: Solution) -> Table:
@@ -121,12 +119,12 @@ def _evidence(solution: Solution) -> str:
     listed = [f"{o.objective:.6f}" + (f" ×{o.count}" if o.count > 1 else "") for o in best]
     if len(listed) > _OPTIMA:
         listed = [*listed[:_OPTIMA], "…"]
-    starts = _counted(search.starts, "start")
-    found = f"{_counted(len(best), 'local optimum', 'local optima')} from {starts}: "
+    starts = counted(search.starts, "start")
+    found = f"{counted(len(best), 'local optimum', 'local optima')} from {starts}: "
     lines.insert(0, found + ", ".join(listed))
     if search.samples:
         postures = " × ".join(str(sample.closed) for sample in search.samples.values())
-        combined = f"{postures} closed postures, {_counted(search.combinations, 'combination')}"
+        combined = f"{postures} closed postures, {counted(search.combinations, 'combination')}"
         if search.best_sample is not None:
             combined += f", the best {search.best_sample:.6f}"
         lines.insert(0, f"{combined} (seed {search.seed}, {search.effort} effort)")
@@ -143,13 +141,9 @@ def _evidence(solution: Solution) -> str:
     return "\n".join([*placements, *lines])
 
 
-def _counted(count: int, one: str, many: str | None = None) -> str:
-    return f"{count:,} {one if count == 1 else many or one + 's'}"
-
-
 def chains(name: str, space: str, arms: tuple[Arm, ...], notes: tuple[str, ...]) -> RenderableType:
     """The chains as they were read: joints in order, limits, efforts, what was locked."""
-    parts: list[RenderableType] = [_heading(name, space)]
+    parts: list[RenderableType] = [heading(name, space)]
     for arm in arms:
         table = Table(
             title=Text(f"{arm.name}: {arm.model}, {arm.n} joints"),
@@ -171,7 +165,7 @@ def chains(name: str, space: str, arms: tuple[Arm, ...], notes: tuple[str, ...])
         if arm.fixed:
             parts.append(Text("fixed: held at its start"))
         parts.append(Text(""))
-    parts += _notes(notes)
+    parts += note_lines(notes)
     return Group(*parts)
 
 

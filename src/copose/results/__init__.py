@@ -1,8 +1,16 @@
 """What is answered: postures, evidence, timings as frozen data, JSON in and out."""
 
-from copose.results.files import read_solution, to_json, write_file
+from copose.results.files import read_motion, read_solution, to_json, write_file
 from copose.results.limits import AccelerationRecord, ExactSetRecord, WrenchRecord
-from copose.results.records import CompanionRecord, EllipsoidRecord, Matrix, matrix, vector
+from copose.results.motion import (
+    JointRecord,
+    Knot,
+    Motion,
+    PathSearchRecord,
+    RouteRecord,
+    TrackingRecord,
+)
+from copose.results.records import CompanionRecord, EllipsoidRecord, Matrix, Vector, matrix, vector
 from copose.results.solution import (
     ArmRecord,
     CasePosture,
@@ -23,6 +31,7 @@ from copose.results.solution import (
     frame,
     place,
 )
+from copose.results.trajectory import joint_trajectory_yaml, trajectory_csv
 
 __all__ = [
     "AccelerationRecord",
@@ -34,24 +43,34 @@ __all__ = [
     "ExactSetRecord",
     "FailureRecord",
     "FreeRecord",
+    "JointRecord",
+    "Knot",
     "Matrix",
+    "Motion",
     "ObjectiveRecord",
     "Optimum",
+    "PathSearchRecord",
     "PlacementRecord",
     "PlanarPlace",
     "Posture",
     "ProblemRecord",
+    "RouteRecord",
     "SampleRecord",
     "SearchRecord",
     "Solution",
     "Timing",
+    "TrackingRecord",
+    "Vector",
     "VerificationRecord",
     "WrenchRecord",
     "frame",
+    "joint_trajectory_yaml",
     "matrix",
     "place",
+    "read_motion",
     "read_solution",
     "to_json",
+    "trajectory_csv",
     "vector",
     "write_file",
 ]

@@ -6,17 +6,20 @@ import json
 import os
 import tempfile
 from pathlib import Path
+from typing import TypeVar
 
 from pydantic import ValidationError
 
 from copose.errors import InputError
 from copose.problem import read_text
+from copose.results.motion import Motion
 from copose.results.solution import Solution
 
 _MOST_BYTES = 200_000_000
+_Result = TypeVar("_Result", Solution, Motion)
 
 
-def to_json(solution: Solution) -> str:
+def to_json(solution: Solution | Motion) -> str:
     """A result as JSON text; numbers in full, never NaN or infinite."""
     return json.dumps(solution.model_dump(mode="json"), indent=1, allow_nan=False) + "\n"
 
@@ -27,10 +30,23 @@ def read_solution(path: str | Path) -> Solution:
     Raises:
         InputError: it cannot be read or is no result.
     """
+    return _read(path, Solution)
+
+
+def read_motion(path: str | Path) -> Motion:
+    """Read a ``result.json`` of `copose path`.
+
+    Raises:
+        InputError: it cannot be read or is no result.
+    """
+    return _read(path, Motion)
+
+
+def _read(path: str | Path, model: type[_Result]) -> _Result:
     file = Path(path)
     text = read_text(file, _MOST_BYTES)
     try:
-        return Solution.model_validate_json(text)
+        return model.model_validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         key = ".".join(str(part) for part in first["loc"])

@@ -298,6 +298,8 @@ class Solution(Record):
         freedom: what was free beside the joints.
         cases: in place of ``after``, the postures of the file's cases, in its order; ``before``
             stands then in ``cases_before``.
+        reachable_from_start: whether the arms can move from ``before`` to ``after`` without letting
+            go and without moving the object; null where that was not asked or cannot be said.
     """
 
     format: Literal[1] = 1
@@ -317,6 +319,7 @@ class Solution(Record):
     freedom: tuple[FreeRecord, ...] = ()
     cases: tuple[CasePosture, ...] | None = None
     cases_before: tuple[CasePosture, ...] | None = None
+    reachable_from_start: bool | None = None
 
     @model_validator(mode="after")
     def _fits_together(self) -> Solution:

@@ -11,6 +11,11 @@ from copose.errors import InputError, shown
 from copose.poses import Array, Pose, frozen_array
 from copose.problem import ArmSpec
 
+_PER_JOINT = (
+    "start", "torque_limits", "position_limits", "velocity_limits", "acceleration_limits",
+    "armature",
+)  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class Body:
@@ -49,6 +54,7 @@ class Joint:
         body: everything rigidly attached, in the joint's frame.
         lower: lowest position, −inf where there is none; ``upper`` alike.
         velocity: speed limit, inf where there is none.
+        acceleration: limit of its acceleration, inf where there is none.
         effort: torque or force limit, inf where there is none.
         armature: reflected rotor inertia, added to M's diagonal.
     """
@@ -61,6 +67,7 @@ class Joint:
     lower: float = -np.inf
     upper: float = np.inf
     velocity: float = np.inf
+    acceleration: float = np.inf
     effort: float = np.inf
     armature: float = 0.0
 
@@ -146,7 +153,7 @@ def finite_range(lower: Array, upper: Array) -> tuple[Array, Array]:
 
 def check_lengths(spec: ArmSpec, names: tuple[str, ...], key: str) -> None:
     """Refuse a per-joint array of the wrong length, naming the joints it is for."""
-    for field_name in ("start", "torque_limits", "position_limits", "armature"):
+    for field_name in _PER_JOINT:
         values = getattr(spec, field_name)
         if values is not None and len(values) != len(names):
             raise InputError(

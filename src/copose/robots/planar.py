@@ -35,6 +35,8 @@ def planar_arm(spec: PlanarArm, key: str) -> Arm:
                 body=body,
                 lower=lower,
                 upper=upper,
+                velocity=spec.velocity_limits[i] if spec.velocity_limits else np.inf,
+                acceleration=spec.acceleration_limits[i] if spec.acceleration_limits else np.inf,
                 effort=spec.torque_limits[i] if spec.torque_limits else np.inf,
                 armature=spec.armature[i] if spec.armature else 0.0,
             )

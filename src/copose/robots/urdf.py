@@ -313,7 +313,8 @@ def _joint(model: Any, index: int, tree_joint: TreeJoint, spec: UrdfArm, key: st
         body=Body(float(inertia.mass), frozen_array(inertia.lever), frozen_array(inertia.inertia)),
         lower=lower,
         upper=upper,
-        velocity=speed,
+        velocity=spec.velocity_limits[index] if spec.velocity_limits else speed,
+        acceleration=spec.acceleration_limits[index] if spec.acceleration_limits else np.inf,
         effort=spec.torque_limits[index] if spec.torque_limits else effort,
         armature=spec.armature[index] if spec.armature else 0.0,
     )

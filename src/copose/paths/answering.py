@@ -1,0 +1,210 @@
+"""A motion put together into a result."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from copose.paths.course import Course
+from copose.paths.drive import Driven
+from copose.paths.journey import Journey
+from copose.paths.obstruction import Obstruction
+from copose.paths.tracking import tracked
+from copose.planning.machinery import Machinery
+from copose.planning.notes import standing_notes
+from copose.poses import Array
+from copose.problem import PathSpec, Problem
+from copose.results import (
+    JointRecord,
+    Knot,
+    Motion,
+    ObjectiveRecord,
+    PathSearchRecord,
+    ProblemRecord,
+    Timing,
+    TrackingRecord,
+    vector,
+)
+from copose.version import __version__
+
+
+@dataclass
+class Answer:
+    """What is the same in every answer to a path.
+
+    Attributes:
+        problem: as asked.
+        path: its ``[path]``.
+        machinery: what measures postures.
+        build_s: seconds that building took.
+        began: when planning did.
+        compiled: whether compiled kernels are in use.
+        duration: s; where the shortest is sought, the one that is reckoned with.
+        notes: what a reader should know.
+        reachable: of a motion to the best posture, whether that can be reached.
+    """
+
+    problem: Problem
+    path: PathSpec
+    machinery: Machinery
+    build_s: float
+    began: float
+    compiled: bool
+    duration: float = 0.0
+    notes: list[str] = field(default_factory=list)
+    reachable: bool | None = None
+
+    def __post_init__(self) -> None:
+        """The duration asked for, a second where it is sought."""
+        self.duration = 1.0 if self.path.duration == "shortest" else float(self.path.duration)
+        if self.reachable is False:
+            self.notes.append(
+                "the best posture of all cannot be reached from the start without letting go: the "
+                "motion goes to the best that can"
+            )
+        if self.problem.object.velocity is not None:
+            self.notes.append("object.velocity does not enter: the path says how the object moves")
+
+    def stopped(self, why: Obstruction, search: PathSearchRecord | None) -> Motion:
+        """No motion, and why."""
+        return self._motion(status=why.status, reason=why.reason, search=search)
+
+    def solved(
+        self,
+        course: Course,
+        journey: Journey,
+        q: Sequence[Array],
+        driven: Driven,
+        error: float,
+        distance: float | None,
+        duration: float,
+        search: PathSearchRecord,
+    ) -> Motion:
+        """A motion by arm, (n, n_i), with its rates, its opening between knots, m or rad, and the
+        smallest distance of bodies there.
+        """
+        names = [arm.name for arm in self.machinery.cell.arms]
+        knots, values = [], []
+        notes: list[str] = []
+        for k, setting in enumerate(course.settings):
+            measured = self.machinery.measure(setting, [mine[k] for mine in q])
+            posture = measured.posture
+            given = {key: getattr(posture, key) for key in posture.model_fields_set}
+            given.pop("capsules", None)
+            values.append(measured.value)
+            notes += measured.notes
+            knots.append(
+                Knot(
+                    **given,
+                    objective=measured.value,
+                    velocity=self._by_arm(names, driven.velocities, k),
+                    acceleration=self._by_arm(names, driven.accelerations, k),
+                    torque=None
+                    if driven.torques is None
+                    else self._by_arm(names, driven.torques, k),
+                )
+            )
+        if driven.torques is None:
+            notes.append("no contact wrenches carry the object as it moves: there are no torques")
+        self.notes += list(dict.fromkeys(notes))
+        step = duration / (len(course) - 1)
+        rates = np.diff(np.hstack(q), axis=0) / step
+        before, tracking = self._tracked(course, journey, q, duration)
+        return self._motion(
+            status="solved",
+            duration=duration,
+            smoothness=float((rates**2).mean()),
+            before=before,
+            after=self._aggregate(values),
+            time=vector(course.phases * duration),
+            knots=tuple(knots),
+            between_knots_error=error,
+            collision=distance,
+            least_norm=tracking,
+            search=search,
+        )
+
+    def _tracked(
+        self, course: Course, journey: Journey, q: Sequence[Array], duration: float
+    ) -> tuple[float | None, TrackingRecord]:
+        """What least-norm tracking from the first posture comes to."""
+        first = [mine[0] for mine in q]
+        found = tracked(self.machinery, journey, first, len(course), duration)
+        values: list[float | None] = [None] * len(course)
+        for k, (setting, here) in enumerate(zip(course.settings, found.q, strict=False)):
+            value = float(self.machinery.objectives(setting, here[None])[0])
+            values[k] = value if np.isfinite(value) else None
+        return self._aggregate(values), TrackingRecord(objective=tuple(values), reason=found.reason)
+
+    def _aggregate(self, values: Sequence[float | None]) -> float | None:
+        known = [value for value in values if value is not None]
+        if len(known) < len(values):
+            return None
+        return float(np.min(known) if self.path.aggregate == "worst" else np.mean(known))
+
+    @staticmethod
+    def _by_arm(
+        names: Sequence[str], parts: Sequence[Array], k: int
+    ) -> dict[str, tuple[float, ...]]:
+        return {name: vector(part[k]) for name, part in zip(names, parts, strict=True)}
+
+    def _motion(
+        self,
+        *,
+        before: float | None = None,
+        after: float | None = None,
+        **keys: object,
+    ) -> Motion:
+        cell, problem, objective = self.machinery.cell, self.problem, self.machinery.objective
+        fields: dict[str, object] = {
+            "time": None, "knots": None, "duration": None, "smoothness": None, "reason": None,
+            "between_knots_error": None, "least_norm": None,
+        }  # fmt: skip
+        return Motion.model_validate(
+            fields
+            | {
+                "copose": __version__,
+                "problem": ProblemRecord(
+                    name=problem.name,
+                    space=problem.task.space,
+                    shape=problem.object.shape,
+                    axes=tuple(problem.space.coordinates[i] for i in problem.axes),
+                    resolution=cell.resolution.name,
+                    torque_scaling=problem.ellipsoid.torque_scaling,
+                    obstacles=problem.obstacles,
+                ),
+                "notes": (*standing_notes(cell), *self.notes),
+                "objective": ObjectiveRecord(
+                    kind=objective.kind, unit=objective.unit, before=before, after=after
+                ),
+                "aggregate": self.path.aggregate,
+                "reachable_from_start": self.reachable,
+                "joint_names": {arm.name: arm.joint_names for arm in cell.arms},
+                "limits": {
+                    arm.name: tuple(
+                        JointRecord(
+                            lower=_finite(joint.lower),
+                            upper=_finite(joint.upper),
+                            velocity=_finite(joint.velocity),
+                            acceleration=_finite(joint.acceleration),
+                            torque=_finite(joint.effort),
+                        )
+                        for joint in arm.joints
+                    )
+                    for arm in cell.arms
+                },
+                "timing": Timing(
+                    build_s=self.build_s,
+                    search_s=time.perf_counter() - self.began,
+                    kernels="compiled" if self.compiled else "virtual machine",
+                ),
+            }
+            | keys
+        )
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,192 @@
+"""Dynamic programming over one or two arms' postures, layer by layer.
+
+The value of a route is a sum over layers of the combination's value, less the cost of moves, which
+is a sum over the arms: so two passes a layer, an arm each, look at every combination of moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from copose.poses import Array, Indices, Mask
+
+# Levels of the least value that are tried.
+_LEVELS = 12
+
+Far = Callable[[Indices, Indices, int, int], Mask]
+"""Which combinations of the middle layer, by rows and columns, are far from one of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A route: its combinations, (layers, 2), and its worth."""
+
+    nodes: Indices
+    worth: float
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """Combinations of two arms' postures and moves between them; one arm is beside a still one.
+
+    Attributes:
+        values: by layer, −∞ where a combination is not allowed, (count, count').
+        one: costs of the first arm's moves by layer after the first, ∞ where there is none,
+            (count before, count).
+        other: alike of the second.
+    """
+
+    values: Sequence[Array]
+    one: Sequence[Array]
+    other: Sequence[Array]
+
+    def best(self, most: int, far: Far | None = None) -> list[Found]:
+        """The best routes through combinations of the middle layer that are far apart."""
+        ahead = _Table(self)
+        if not np.isfinite(ahead.worth[-1]).any():
+            return []
+        behind = _Table(self.reversed)
+        middle = len(self.values) // 2
+        back = len(self.values) - 1 - middle
+        total = ahead.worth[middle] + behind.worth[back]
+        usable = np.isfinite(total)
+        total[usable] -= self.values[middle][usable]
+        order = np.argsort(np.where(usable, -total, np.inf).ravel(), kind="stable")
+        order = order[: int(usable.sum())]
+        found: list[Found] = []
+        while len(order) and len(found) < most:
+            i, j = (int(x) for x in np.unravel_index(order[0], total.shape))
+            nodes = [*ahead.back(middle, i, j)[::-1], *behind.back(back, i, j)[1:]]
+            found.append(Found(np.array(nodes, dtype=np.intp), float(total[i, j])))
+            if far is None:
+                break
+            rows, columns = np.unravel_index(order, total.shape)
+            order = order[far(rows, columns, i, j)]
+        return found
+
+    def levelled(self, most: int, far: Far | None = None) -> list[Found]:
+        """Routes of which the least value, not the sum, counts: of several levels that it may be
+        at, the routes with the cheapest moves.
+        """
+        highest = float(self.widest.max(initial=-np.inf))
+        if not np.isfinite(highest):
+            return []
+        lowest = min(float(value[np.isfinite(value)].min()) for value in self.values)
+        found: list[Found] = []
+        # Levels close up towards the highest: moves cost little.
+        for share in np.linspace(0.0, 1.0, _LEVELS) ** 2:
+            level = highest - share * (highest - lowest)
+            if level < max((each.worth for each in found), default=-np.inf):
+                break
+            allowed = [np.where(value >= level, 0.0, -np.inf) for value in self.values]
+            for each in Lattice(allowed, self.one, self.other).best(most, far):
+                least = min(value[tuple(pair)] for value, pair in
+                            zip(self.values, each.nodes, strict=True))  # fmt: skip
+                found.append(Found(each.nodes, each.worth + float(least)))
+        return sorted(found, key=lambda each: -each.worth)
+
+    def least_of_largest(self) -> float:
+        """The least that the largest cost of a move on a route can be; ∞ where there is none."""
+        B = np.where(np.isfinite(self.values[0]), 0.0, np.inf)
+        for value, one, other in zip(self.values[1:], self.one, self.other, strict=True):
+            G = np.maximum(B[:, None, :], one[:, :, None]).min(axis=0)
+            B = np.maximum(G[:, :, None], other[None]).min(axis=1)
+            B[~np.isfinite(value)] = np.inf
+        return float(B.min(initial=np.inf))
+
+    @property
+    def ending(self) -> Array:
+        """What the best routes to each combination of the last layer come to."""
+        return _Table(self).worth[-1]
+
+    @property
+    def widest(self) -> Array:
+        """The largest least value of routes to each combination of the last layer."""
+        return self._widest()[-1]
+
+    def reach(self) -> int:
+        """Layers that routes come through: all of them where there is a route."""
+        for k, widest in enumerate(self._widest()):
+            if not np.isfinite(widest).any():
+                return k
+        return len(self.values)
+
+    @property
+    def reversed(self) -> Lattice:
+        """The same from the last layer to the first."""
+        return Lattice(
+            self.values[::-1], [c.T for c in self.one[::-1]], [c.T for c in self.other[::-1]]
+        )
+
+    def only(self, k: int, axis: int, number: int) -> Lattice:
+        """With all but one posture of an arm ruled out in a layer."""
+        values = list(self.values)
+        chosen = (slice(None),) * axis + (number,)
+        kept = np.full_like(values[k], -np.inf)
+        kept[chosen] = values[k][chosen]
+        values[k] = kept
+        return Lattice(values, self.one, self.other)
+
+    def _widest(self) -> list[Array]:
+        """By layer, the largest least value of routes to each combination."""
+        found = [self.values[0]]
+        for value, one, other in zip(self.values[1:], self.one, self.other, strict=True):
+            G = np.where(np.isfinite(one)[:, :, None], found[-1][:, None, :], -np.inf).max(axis=0)
+            G = np.where(np.isfinite(other)[None], G[:, :, None], -np.inf).max(axis=1)
+            found.append(np.minimum(G, value))
+        return found
+
+
+class _Table:
+    """The best that routes up to a layer come to, and where they come from.
+
+    Attributes:
+        worth: by layer, (count, count').
+    """
+
+    def __init__(self, lattice: Lattice) -> None:
+        self.worth = [np.asarray(lattice.values[0])]
+        # The first arm's posture before, told by its own after the move and the other's before it;
+        # then the other's before, told by both after.
+        self._first: list[Indices] = []
+        self._second: list[Indices] = []
+        moves = zip(lattice.values[1:], lattice.one, lattice.other, strict=True)
+        for value, one, other in moves:
+            G, first = _best_before(self.worth[-1], one)
+            worth, second = _best_before(G.T, other)
+            self._first.append(first)
+            self._second.append(second.T)
+            self.worth.append(worth.T + value)
+
+    def back(self, k: int, i: int, j: int) -> list[tuple[int, int]]:
+        """Postures of the best route that ends in a combination of layer k, last first."""
+        found = [(i, j)]
+        for first, second in zip(self._first[:k][::-1], self._second[:k][::-1], strict=True):
+            j_before = int(second[i, j])
+            i, j = int(first[i, j_before]), j_before
+            found.append((i, j))
+        return found
+
+
+def _best_before(worth: Array, costs: Array) -> tuple[Array, Indices]:
+    """The most that each posture can be come to with, and from which before.
+
+    A posture has few moves to it: only these are compared.
+
+    Args:
+        worth: of combinations with the other arm's, (count before, count').
+        costs: of the moves, infinite where there is none, (count before, count).
+
+    Returns:
+        (count, count') each.
+    """
+    finite = np.isfinite(costs)
+    most = max(int(finite.sum(axis=0).max(initial=0)), 1)
+    before = np.argsort(~finite, axis=0, kind="stable")[:most]
+    steps = worth[before] - np.take_along_axis(costs, before, axis=0)[:, :, None]
+    best = steps.argmax(axis=0)
+    found = np.take_along_axis(steps, best[None], axis=0)[0]
+    return found, before[best, np.arange(before.shape[1])[:, None]]

@@ -1,0 +1,436 @@
+"""One sparse program over all knots of a motion, for IPOPT.
+
+    min  −aggregate + smoothness · S   over the joints at every knot,
+
+subject to what must hold at each knot, to speed limits between neighbours, and to what ties the
+knots' other variables to them. All that is nonlinear is a knot's own; knots meet in linear rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from copose.paths.evaluation import Evaluated
+from copose.paths.knot_task import Form, KnotTask
+from copose.planning.program import IPOPT
+from copose.poses import Array, Indices
+
+_STEP = 1e-7
+_STEP_AT, _KNOTS_AT, _SHRINKS = 0.35, 25, 0.6
+# How much a shortest motion is smoothed, so that joints which need not hurry have one way to go.
+_CALM = 1e-6
+_OPTIONS = IPOPT | {
+    "no_nlp_grad": True,
+    "ipopt.tol": 1e-8,
+    "ipopt.mu_init": 1e-2,
+}
+_NEAR: dict[str, object] = {
+    "ipopt.mu_init": 1e-5,
+    "ipopt.bound_push": 1e-7,
+    "ipopt.bound_frac": 1e-7,
+    "ipopt.slack_bound_push": 1e-7,
+    "ipopt.slack_bound_frac": 1e-7,
+}
+_WARM: dict[str, object] = {
+    "ipopt.mu_init": 1e-6,
+    "ipopt.warm_start_init_point": "yes",
+    "ipopt.warm_start_bound_push": 1e-9,
+    "ipopt.warm_start_bound_frac": 1e-9,
+    "ipopt.warm_start_slack_bound_push": 1e-9,
+    "ipopt.warm_start_slack_bound_frac": 1e-9,
+    "ipopt.warm_start_mult_bound_push": 1e-9,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Multipliers:
+    """Of an answer: of its variables' bounds and of its constraints."""
+
+    bounds: Array
+    constraints: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What a program is solved for.
+
+    Attributes:
+        parameters: of every knot, see `KnotTask`, (n, p).
+        duration: s; where the shortest is sought, the one that its stretch multiplies.
+        smoothness: s²/rad² per unit of the objective.
+        lower: of the joints at every knot, (n, N); ``upper`` alike.
+        speeds: limits of the joints, (N,).
+        tightened: what is left of each constraint's bounds at every knot, as a part, (n, g); ones
+            where nothing was taken away.
+        returns: whether the last knot is the first.
+        beside: multipliers of a program whose answer is beside this one's, where it starts.
+        near: whether it starts near its answer.
+        iterations: at most.
+    """
+
+    parameters: Array
+    duration: float
+    smoothness: float
+    lower: Array
+    upper: Array
+    speeds: Array
+    tightened: Array | None = None
+    returns: bool = False
+    beside: Multipliers | None = None
+    near: bool = False
+    iterations: int = 300
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """How a run ended.
+
+    Attributes:
+        y: variables of every knot, (n, ny).
+        converged: whether IPOPT met its tolerance.
+        status: in its words.
+        violated: the constraint that is broken most, at which knot, and by how much.
+        multipliers: there.
+    """
+
+    y: Array
+    converged: bool
+    status: str
+    violated: tuple[str, int, float]
+    multipliers: Multipliers
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Linear rows: lower ≤ A x ≤ upper, by their entries."""
+
+    rows: Indices
+    columns: Indices
+    entries: Array
+    lower: Array
+    upper: Array
+    names: tuple[tuple[str, int], ...]
+
+
+def longest_step(count: int) -> float:
+    """How far a joint may go between two of so many knots, rad or m.
+
+    The chain is closed at knots alone: without this a motion would jump from branch to branch
+    between them. With more knots joints may be faster, and jumps are squeezed out.
+    """
+    return float(_STEP_AT * (_KNOTS_AT / count) ** _SHRINKS)
+
+
+class MotionProgram:
+    """Programs of one form over any number of knots."""
+
+    def __init__(self, task: KnotTask, form: Form) -> None:
+        """Over the knots of a task."""
+        self.task, self.form = task, form
+
+    def solve(self, start: Array, given: Task) -> Solved:
+        """One run of IPOPT.
+
+        Args:
+            start: of the variables of every knot, (n, ny).
+            given: what it is solved for.
+        """
+        return _Run(self.task, self.form, len(start), given).solve(start)
+
+
+class _Run:
+    def __init__(self, task: KnotTask, form: Form, count: int, given: Task) -> None:
+        self._task, self._form, self._count, self._given = task, form, count, given
+        self._size, self._joints = task.size, task.joints
+        interval = given.duration / (count - 1)
+        smoothness = _CALM if form.shortest else given.smoothness
+        # S is the mean of (Δq/Δt)² over the intervals and the joints.
+        self._calm = smoothness / (self._joints * (count - 1) * interval**2)
+        self._links = self._linked()
+        self._lay_out()
+
+    def solve(self, start: Array) -> Solved:
+        count, size, given = self._count, self._size, self._given
+        lower = np.full((count, size), -np.inf)
+        upper = np.full((count, size), np.inf)
+        lower[:, : self._joints], upper[:, : self._joints] = given.lower, given.upper
+        low, high = self._bounds()
+        beside = given.beside
+        known = {} if beside is None else {"lam_x0": beside.bounds, "lam_g0": beside.constraints}
+        more = _WARM if beside is not None else _NEAR if given.near else {}
+        answer = self._solver(more | {"ipopt.max_iter": given.iterations})(
+            x0=start.ravel(), lbx=lower.ravel(), ubx=upper.ravel(), lbg=low, ubg=high, **known
+        )
+        values, stats = np.array(answer["g"]).ravel(), self._stats()
+        excess = np.maximum(np.maximum(low - values, values - high), 0.0)
+        worst = int(np.nan_to_num(excess, nan=np.inf).argmax())
+        y = np.array(answer["x"]).reshape(count, size)
+        y[:, : self._joints] = np.clip(y[:, : self._joints], given.lower, given.upper)
+        return Solved(
+            y=y,
+            converged=stats["return_status"] == "Solve_Succeeded",
+            status=str(stats["return_status"]),
+            violated=(*self._name(worst), float(excess[worst])),
+            multipliers=Multipliers(np.array(answer["lam_x"]), np.array(answer["lam_g"])),
+        )
+
+    def _stats(self) -> dict[str, object]:
+        stats: dict[str, object] = self._nlp.stats()
+        return stats
+
+    def _bounds(self) -> tuple[Array, Array]:
+        low, high = self._task.bounds
+        lows, highs = (np.tile(bound, (self._count, 1)) for bound in (low, high))
+        # Where every joint of an arm is given its closure is no equation for anything.
+        fixed = self._given.lower == self._given.upper
+        first = 0
+        for constraint in self._task.constraints:
+            rows = slice(first, first + constraint.expression.numel())
+            first = rows.stop
+            columns = self._task.moved_by.get(constraint.name)
+            if columns is not None:
+                given = fixed[:, columns].all(axis=1)
+                lows[given, rows], highs[given, rows] = -np.inf, np.inf
+        if self._given.tightened is not None:
+            lows *= self._given.tightened
+            highs *= self._given.tightened
+        return (
+            np.concatenate([lows.ravel(), self._links.lower]),
+            np.concatenate([highs.ravel(), self._links.upper]),
+        )
+
+    def _name(self, row: int) -> tuple[str, int]:
+        own = len(self._task.bounds[0])
+        if row >= own * self._count:
+            return self._links.names[row - own * self._count]
+        k, row = divmod(row, own)
+        for constraint in self._task.constraints:
+            if row < constraint.expression.numel():
+                return constraint.name, k
+            row -= constraint.expression.numel()
+        return "", k
+
+    def _linked(self) -> _Rows:
+        """Speed limits, and what ties slopes, bends, levels and stretches of the knots."""
+        builder = _Builder(self._count, self._size)
+        given, slices, N = self._given, self._task.slices, self._joints
+        q = np.arange(N)
+        limited = np.flatnonzero(np.isfinite(given.speeds))
+        reach = given.speeds[limited] * given.duration / (self._count - 1)
+        every = np.arange(self._joints)
+        most = longest_step(self._count)
+        steps = [(1, every, 1.0), (0, every, -1.0)]
+        builder.add("step", range(self._count - 1), steps, -most, most)
+        ahead, behind = (1, limited, 1.0), (0, limited, -1.0)
+        if self._form.shortest:
+            stretch = np.full(len(limited), slices["stretch"].start)
+            pairs = range(self._count - 1)
+            builder.add("speed", pairs, [ahead, behind, (0, stretch, -reach)], -np.inf, 0.0)
+            builder.add("speed", pairs, [ahead, behind, (0, stretch, reach)], 0.0, np.inf)
+            builder.chain("stretch", slices["stretch"])
+        else:
+            builder.add("speed", range(self._count - 1), [ahead, behind], -reach, reach)
+        if self._form.rates:
+            step = 1.0 / (self._count - 1)
+            inner, last = range(1, self._count - 1), self._count - 1
+            slope, bend = slices["slopes"].start + q, slices["bends"].start + q
+            builder.add(
+                "slopes", inner,
+                [(0, slope, 1.0), (1, q, -0.5 / step), (-1, q, 0.5 / step)], 0.0, 0.0,
+            )  # fmt: skip
+            builder.add(
+                "bends", inner,
+                [(0, bend, step), (1, q, -1 / step), (0, q, 2 / step), (-1, q, -1 / step)],
+                0.0, 0.0,
+            )  # fmt: skip
+            for k, beside in ((0, 1), (last, -1)):
+                builder.add("slopes", [k], [(0, slope, 1.0)], 0.0, 0.0)
+                builder.add(
+                    "bends", [k],
+                    [(0, bend, step), (beside, q, -2 / step), (0, q, 2 / step)], 0.0, 0.0,
+                )  # fmt: skip
+        if "level" in slices:
+            builder.chain("level", slices["level"])
+        if given.returns:
+            builder.add("return", [0], [(0, q, 1.0), (self._count - 1, q, -1.0)], 0.0, 0.0)
+        return builder.rows()
+
+    def _lay_out(self) -> None:
+        """Patterns of the whole program's derivatives from those of a knot's."""
+        task, n, size, N = self._task, self._count, self._size, self._joints
+        own = len(task.bounds[0])
+        starts = np.arange(n)[:, None]
+        rows = np.concatenate(
+            [(task.pattern[0] + own * starts).ravel(), self._links.rows + own * n]
+        )
+        columns = np.concatenate([(task.pattern[1] + size * starts).ravel(), self._links.columns])
+        total = own * n + len(self._links.lower)
+        self._jacobian, self._jacobian_order = _compressed(total, size * n, rows, columns)
+        self._rows_count = total
+        mask = np.zeros((size, size), dtype=bool)
+        mask[task.coupled] = mask[task.curved] = True
+        mask[np.arange(N), np.arange(N)] = True
+        self._local = np.nonzero(mask)
+        i, j = self._local
+        beside = (size * starts[:-1] + np.arange(N)).ravel()
+        rows = np.concatenate([(i + size * starts).ravel(), beside])
+        columns = np.concatenate([(j + size * starts).ravel(), beside + size])
+        self._hessian, self._hessian_order = _compressed(size * n, size * n, rows, columns)
+
+    def _solver(self, more: dict[str, object]) -> ca.Function:
+        n, size = self._count, self._size
+        x, lam = ("x", size * n), ("lam_g", self._rows_count)
+        p = ("p", 0)
+        one, dense = ca.Sparsity.dense(1), ca.Sparsity.dense
+        f, g = ("f", one), ("g", dense(self._rows_count))
+        # CasADi keeps no reference of its own to Python's callbacks.
+        self._oracle = Evaluated("nlp", [x, p], [f, g], self._values)
+        self._gradient = Evaluated(
+            "nlp_grad_f", [x, p], [f, ("grad_f_x", dense(size * n))], self._slopes
+        )
+        self._jacobians = Evaluated(
+            "nlp_jac_g", [x, p], [g, ("jac_g_x", self._jacobian)], self._jacobian_of
+        )
+        self._hessians = Evaluated(
+            "nlp_hess_l", [x, p, ("lam_f", 1), lam],
+            [("triu_hess_gamma_x_x", self._hessian)], self._hessian_of,
+        )  # fmt: skip
+        options = _OPTIONS | more | {
+            "grad_f": self._gradient, "jac_g": self._jacobians, "hess_lag": self._hessians,
+        }  # fmt: skip
+        self._nlp = ca.nlpsol("motion", "ipopt", self._oracle, options)
+        return self._nlp
+
+    def _values(self, x: Array, p: Array) -> list[Array | float]:
+        y = x.reshape(self._count, self._size)
+        values = self._task.value(y, self._given.parameters)
+        q = y[:, : self._joints]
+        cost = self._calm * float((np.diff(q, axis=0) ** 2).sum())
+        if self._form.shortest:
+            cost += float(y[0, self._task.slices["stretch"].start])
+        elif self._form.worst:
+            cost -= float(y[0, self._task.slices["level"].start])
+        else:
+            cost -= float(values[:, 0].mean())
+        return [cost, np.concatenate([values[:, 1:].ravel(), self._tied(x)])]
+
+    def _tied(self, x: Array) -> Array:
+        links = self._links
+        terms = links.entries * x[links.columns]
+        return np.asarray(
+            np.bincount(links.rows, weights=terms, minlength=len(links.lower)), dtype=float
+        )
+
+    def _slopes(self, x: Array, p: Array) -> list[Array | float]:
+        y = x.reshape(self._count, self._size)
+        slopes = self._task.slopes(y, self._given.parameters)[:, : self._size]
+        gradient = np.zeros_like(y)
+        if self._form.shortest:
+            gradient[0, self._task.slices["stretch"]] = 1.0
+        elif self._form.worst:
+            gradient[0, self._task.slices["level"]] = -1.0
+        else:
+            gradient = -slopes / self._count
+        moved = 2 * self._calm * np.diff(y[:, : self._joints], axis=0)
+        gradient[1:, : self._joints] += moved
+        gradient[:-1, : self._joints] -= moved
+        return [self._values(x, p)[0], gradient.ravel()]
+
+    def _jacobian_of(self, x: Array, p: Array) -> list[Array | float]:
+        y = x.reshape(self._count, self._size)
+        entries = self._task.slopes(y, self._given.parameters)[:, self._size :]
+        every = np.concatenate([entries.ravel(), self._links.entries])
+        return [self._values(x, p)[1], every[self._jacobian_order]]
+
+    def _hessian_of(self, x: Array, p: Array, sigma: Array, lam: Array) -> list[Array]:
+        task, n, size, N = self._task, self._count, self._size, self._joints
+        y = x.reshape(n, size)
+        own = len(task.bounds[0])
+        counts = not (self._form.shortest or self._form.worst)
+        given = np.empty((n, size + 1 + own))
+        given[:, :size] = y
+        given[:, size] = -sigma[0] / n if counts else 0.0
+        given[:, size + 1 :] = lam[: own * n].reshape(n, own)
+        beside = np.repeat(given, N + 1, axis=0).reshape(n, N + 1, -1)
+        beside[:, np.arange(N), np.arange(N)] += _STEP
+        P = self._given.parameters
+        slopes = task.lagrangian(
+            beside.reshape(n * (N + 1), -1), np.repeat(P, N + 1, axis=0)
+        ).reshape(n, N + 1, size)
+        columns = (slopes[:, :N] - slopes[:, N:]) / _STEP
+        H = np.zeros((n, size, size))
+        H[:, :N, :] = columns
+        H[:, :N, :N] = (columns[:, :, :N] + columns[:, :, :N].swapaxes(1, 2)) / 2
+        if len(task.curved[0]):
+            H[:, task.curved[0], task.curved[1]] = task.rest(given, P)
+        bend = 2 * self._calm * sigma[0]
+        q = np.arange(N)
+        H[1:, q, q] += bend
+        H[:-1, q, q] += bend
+        i, j = self._local
+        every = np.concatenate([H[:, i, j].ravel(), np.full(N * (n - 1), -bend)])
+        return [every[self._hessian_order]]
+
+
+class _Builder:
+    """Collects linear rows over the knots' variables."""
+
+    def __init__(self, count: int, size: int) -> None:
+        self._count, self._size, self._height = count, size, 0
+        self._parts: list[tuple[Indices, Indices, Array]] = []
+        self._lower: list[Array] = []
+        self._upper: list[Array] = []
+        self._names: list[tuple[str, int]] = []
+
+    def add(
+        self,
+        name: str,
+        knots: Sequence[int] | range,
+        terms: Sequence[tuple[int, Indices, Array | float]],
+        lower: Array | float,
+        upper: Array | float,
+    ) -> None:
+        """A row per knot and variable: Σ factor · (variable of the knot some knots on)."""
+        ks = np.array(knots, dtype=np.intp)[:, None]
+        many = len(terms[0][1])
+        rows = self._height + np.arange(ks.size * many)
+        for ahead, columns, factor in terms:
+            places = ((ks + ahead) * self._size + columns).ravel()
+            entries = np.tile(np.broadcast_to(factor, many), ks.size)
+            self._parts.append((rows, places, np.asarray(entries, dtype=float)))
+        self._lower.append(np.tile(np.broadcast_to(lower, many), ks.size))
+        self._upper.append(np.tile(np.broadcast_to(upper, many), ks.size))
+        self._names += [(name, int(k)) for k in ks.ravel() for _ in range(many)]
+        self._height += ks.size * many
+
+    def chain(self, name: str, part: slice) -> None:
+        """A variable is the same at all knots."""
+        one = np.array([part.start])
+        self.add(name, range(self._count - 1), [(1, one, 1.0), (0, one, -1.0)], 0.0, 0.0)
+
+    def rows(self) -> _Rows:
+        """All of them."""
+        nothing = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
+        parts = [nothing, *self._parts]
+        return _Rows(
+            np.concatenate([part[0] for part in parts]),
+            np.concatenate([part[1] for part in parts]),
+            np.concatenate([part[2] for part in parts]),
+            np.concatenate([np.zeros(0), *self._lower]),
+            np.concatenate([np.zeros(0), *self._upper]),
+            tuple(self._names),
+        )
+
+
+def _compressed(
+    height: int, width: int, rows: Indices, columns: Indices
+) -> tuple[ca.Sparsity, Indices]:
+    """A pattern from entries that are all different, and their order in it."""
+    order = np.lexsort((rows, columns))
+    pattern = ca.Sparsity.triplet(height, width, rows.tolist(), columns.tolist())
+    assert pattern.nnz() == len(rows)
+    return pattern, order

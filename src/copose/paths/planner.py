@@ -1,0 +1,154 @@
+"""From a problem with a path to its best joint motion."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from copose import kernels
+from copose.errors import InputError
+from copose.paths.answering import Answer
+from copose.paths.drive import Drive
+from copose.paths.journey import Journey
+from copose.paths.making import Ends, Making
+from copose.paths.obstruction import Obstruction
+from copose.paths.reconfiguring import aim
+from copose.paths.shaping import Shaper
+from copose.planning.cell import Cell
+from copose.planning.climbing import Progress
+from copose.planning.machinery import Machinery
+from copose.problem import PathSpec, PlanarWaypoint, Problem, Waypoint
+from copose.results import Motion
+
+
+class PathPlanner:
+    """Plans motions along the path of one problem; everything is built once.
+
+    Attributes:
+        problem: as read by `copose.load`.
+        path: its ``[path]``.
+        build_s: seconds that building took.
+    """
+
+    def __init__(self, problem: Problem, machinery: Machinery | None = None) -> None:
+        """Build everything that planning needs.
+
+        Args:
+            problem: as read by `copose.load`.
+            machinery: of the same problem, if that is built already.
+
+        Raises:
+            InputError: a robot cannot be used, or the path cannot be what it asks for.
+        """
+        began = time.perf_counter()
+        self.problem = problem
+        self.path = problem.path if problem.path is not None else _still(problem)
+        self.journey = Journey.of(problem)
+        if self.path.closed and not self.journey.returns:
+            raise InputError(
+                "a closed path ends where it begins; make the last waypoint the first",
+                key="path.closed",
+                file=problem.source,
+            )
+        self._machinery = Machinery(Cell.of(problem)) if machinery is None else machinery
+        cell = self._machinery.cell
+        speeds = [joint.velocity for arm in cell.arms for joint in arm.joints]
+        if self.path.duration == "shortest" and not np.isfinite(speeds).any():
+            raise InputError(
+                "needs speed limits, and no joint has one; give velocity_limits, or a duration",
+                key="path.duration",
+                file=problem.source,
+            )
+        self._drive = Drive(self._machinery, self.journey, self.path.tolerance)
+        self._shaper = Shaper(
+            self._machinery,
+            self._drive,
+            worst=self.path.aggregate == "worst",
+            smoothness=self.path.smoothness,
+        )
+        self._shaper.task()
+        self.build_s = time.perf_counter() - began
+
+    def compile(self) -> bool:
+        """Wait until the kernels are compiled; whether they are in use then."""
+        return self._compiled(wait=True)
+
+    def _compiled(self, *, wait: bool) -> bool:
+        searching = self._machinery.compiled(wait=wait)
+        moving = kernels.build((*self._shaper.task().kernels, *self._drive.kernels), wait=wait)
+        return searching and moving
+
+    def plan(
+        self,
+        *,
+        seed: int | None = None,
+        progress: Progress | None = None,
+        ends: Ends | None = None,
+    ) -> Motion:
+        """The best joint motion along the path.
+
+        Without ``[path]`` the object stays, and the motion is one from the start to the best
+        posture that can be reached without letting go.
+
+        Args:
+            seed: in place of the file's.
+            progress: called with what is being done and the fraction of the whole behind.
+            ends: postures to begin and to end with in place of the file's ``start``.
+
+        Returns:
+            A motion whose ``status`` is ``solved``; ``infeasible`` with when and where as
+            ``reason``, or ``failed``.
+        """
+        began = time.perf_counter()
+        compiled = self._compiled(wait=False)
+        target = None
+        if self.problem.path is None and ends is None:
+            target = aim(self.problem, seed, progress)
+            ends = target.ends
+        answer = Answer(
+            problem=self.problem,
+            path=self.path,
+            machinery=self._machinery,
+            build_s=self.build_s,
+            began=began,
+            compiled=compiled,
+            reachable=None if target is None else target.reachable,
+        )
+        if target is not None and target.ends is None:
+            failed = target.solution.status == "failed"
+            reason = target.solution.reason or "no posture was found"
+            why = Obstruction("failed" if failed else "infeasible", reason)
+            return answer.stopped(why, None)
+        making = Making(
+            path=self.path,
+            journey=self.journey,
+            machinery=self._machinery,
+            shaper=self._shaper,
+            drive=self._drive,
+            answer=answer,
+            seed=self.problem.search.seed if seed is None else seed,
+            progress=progress if progress is not None else _silent,
+        )
+        return making.motion(ends)
+
+
+def _still(problem: Problem) -> PathSpec:
+    """A path on which the object stays where it is."""
+    stay = (PlanarWaypoint(),) * 2 if problem.space.planar else (Waypoint(),) * 2
+    return PathSpec(waypoints=stay)
+
+
+def plan(problem: Problem, *, seed: int | None = None, progress: Progress | None = None) -> Motion:
+    """The best joint motion along the path of a problem: `PathPlanner.plan` of a new planner.
+
+    Raises:
+        InputError: a robot cannot be used, or the path cannot be what it asks for.
+    """
+    if progress is not None:
+        progress("building", 0.0)
+    return PathPlanner(problem).plan(seed=seed, progress=progress)
+
+
+def _silent(what: str, done: float) -> None:
+    """No one asked to be told."""

@@ -1,0 +1,104 @@
+"""What combinations of the arms' postures are worth along a course."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from copose.paths.course import Course
+from copose.paths.roadmap import Roadmap
+from copose.planning.machinery import Machinery
+from copose.planning.objectives import EllipsoidMeasure
+from copose.poses import Array, Indices, Mask
+
+_UNHELD = -1e8
+
+
+class Values:
+    """The objective of combinations of postures, layer by layer, or what stands in for it; −∞ where
+    it has none, the object is not held, or bodies come too near.
+
+    Attributes:
+        combinations: how many were evaluated.
+    """
+
+    def __init__(self, machinery: Machinery, course: Course, roadmaps: Sequence[Roadmap]) -> None:
+        """Evaluate what each arm adds to the sums."""
+        self._machinery, self._course, self._roadmaps = machinery, course, roadmaps
+        self._terms = [
+            [machinery.terms(setting, i, roadmap.layers[k].q) for i, roadmap in enumerate(roadmaps)]
+            for k, setting in enumerate(course.settings)
+        ]
+        self.combinations = 0
+        self._clear = [] if machinery.clearance is None else self._alone()
+
+    def _alone(self) -> list[list[Mask]]:
+        """By layer and arm, which postures keep clear of all but the other arms."""
+        found = []
+        for k, setting in enumerate(self._course.settings):
+            clearance, cell, masks = setting.clearance, setting.cell, []
+            assert clearance is not None
+            nothing: list[Array | None] = [None] * len(self._roadmaps)
+            still = clearance.exactly(cell, nothing, clearance.still)
+            for i, roadmap in enumerate(self._roadmaps):
+                q = roadmap.layers[k].q
+                alone = [q if j == i else None for j in range(len(self._roadmaps))]
+                clearance.loosen(cell, alone, clearance.own(i))
+                masks.append(clearance.clear(cell, alone, clearance.own(i)) & still)
+            found.append(masks)
+        return found
+
+    def pairs(self, k: int) -> Array:
+        """Of all combinations of two arms' postures, (count, count'), of one arm (count, 1)."""
+        terms = self._terms[k]
+        sums = terms[0][:, None] + (terms[1][None] if len(terms) > 1 else 0.0)
+        values = self._of(k, sums.reshape(-1, sums.shape[2])).reshape(sums.shape[:2])
+        if self._clear:
+            values[~self._clear[k][0]] = -np.inf
+            if len(terms) > 1:
+                values[:, ~self._clear[k][1]] = -np.inf
+                rows, columns = np.nonzero(np.isfinite(values))
+                near = ~self._apart(k, np.column_stack([rows, columns]))
+                values[rows[near], columns[near]] = -np.inf
+        return values
+
+    def beside(self, k: int, i: int, nodes: Indices) -> Array:
+        """Of all postures of arm i beside some of the others', (count,)."""
+        terms = self._terms[k]
+        rest = np.sum([mine[node] for mine, node in zip(terms, nodes, strict=True)], axis=0)
+        values = self._of(k, terms[i] + (rest - terms[i][nodes[i]]))
+        if self._clear:
+            values[~self._clear[k][i]] = -np.inf
+            rows = np.flatnonzero(np.isfinite(values))
+            chosen = np.tile(nodes, (len(rows), 1))
+            chosen[:, i] = rows
+            values[rows[~self._apart(k, chosen)]] = -np.inf
+        return values
+
+    def _of(self, k: int, sums: Array) -> Array:
+        machinery, setting = self._machinery, self._course.settings[k]
+        self.combinations += len(sums)
+        values = machinery.score.value(sums, setting.given)[:, 0]
+        values = np.where(np.isfinite(values) & (values > _UNHELD), values, -np.inf)
+        if isinstance(setting.objective, EllipsoidMeasure) and not machinery.smooth:
+            # The stand-in without kinks has another scale.
+            held = np.isfinite(values)
+            own = setting.objective.sums.size(setting.cell.system.space)
+            grams = machinery.grams_of(setting, sums[held, :own])
+            values[held] = setting.objective.of_grams(grams)
+        return values
+
+    def _apart(self, k: int, chosen: Indices) -> Mask:
+        """Which combinations, (count, K), keep the arms clear of each other."""
+        clear = np.ones(len(chosen), dtype=bool)
+        setting = self._course.settings[k]
+        assert setting.clearance is not None
+        q = [
+            roadmap.layers[k].q[column]
+            for roadmap, column in zip(self._roadmaps, chosen.T, strict=True)
+        ]
+        if len(chosen):
+            shared = setting.clearance.shared
+            clear[setting.clearance.near(setting.cell, q, shared, 0.0).rows] = False
+        return clear

@@ -1,0 +1,256 @@
+"""Self-motions of arms side by side in which nothing comes too near, as far as nodes tell.
+
+With bodies in the way the arms are not independent: what one keeps clear of depends on where the
+others are. Each arm has nodes along its self-motion, at most `NODES` apart; one arm at a time moves
+by a node, through combinations that keep the clearance: by capsules, or by the bodies themselves
+where it is capsules that are in the way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations, product
+
+import numpy as np
+
+from copose.planning.curves import Curve
+from copose.planning.machinery import Machinery, Setting
+from copose.poses import Array, Indices, Mask
+
+# Between nodes, rad (or m).
+NODES = 0.05
+_AT_ONCE = 4096
+# Combinations whose bodies are measured where capsules are in the way; and arms of which all orders
+# are tried.
+_MEASURED, _ORDERED = 96, 4
+
+
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """Postures of one arm along its self-motion.
+
+    Attributes:
+        q: in order, (count, n).
+        loop: whether the last is followed by the first.
+        start: which of them is where the arm is.
+        end: which is where it is to go; None where no such posture is known.
+    """
+
+    q: Array
+    loop: bool
+    start: int
+    end: int | None
+
+    @classmethod
+    def along(cls, curve: Curve, start: Array, end: Array | None) -> Nodes:
+        """Nodes along a curve that starts and ends are on."""
+        parts = [np.linspace(0.0, far, max(1, int(np.ceil(far / NODES))), endpoint=False)
+                 for far in curve.lengths]  # fmt: skip
+        rows = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+        along = np.concatenate(parts)
+        q, closed = curve.at(rows, along)
+        keys = [*zip(rows[closed], along[closed], strict=True)]
+        postures = list(q[closed])
+        for mark in (start, end):
+            place = None if mark is None else curve.place(mark)
+            keys.append((np.inf, 0.0) if place is None or mark is None else place)
+            postures.append(start if mark is None else mark)
+        order = sorted(range(len(keys)), key=lambda k: keys[k])
+        gone = sum(key[0] == np.inf for key in keys)
+        where = {k: position for position, k in enumerate(order)}
+        last = len(keys) - 1
+        return cls(
+            q=np.array([postures[k] for k in order[: len(order) - gone]]),
+            loop=curve.loop,
+            start=where[last - 1],
+            end=where[last] if keys[last][0] < np.inf else None,
+        )
+
+    @classmethod
+    def still(cls, q: Array) -> Nodes:
+        """The one posture of an arm that stays."""
+        return cls(q[None], False, 0, 0)
+
+    @classmethod
+    def trail(cls, q: Sequence[Array]) -> Nodes:
+        """Of a walk from start to end."""
+        points = np.array(q)
+        return cls(points, False, 0, len(points) - 1)
+
+    def ways(self) -> list[Array]:
+        """Postures from the start to the end, by every way there is."""
+        assert self.end is not None
+        step = 1 if self.end >= self.start else -1
+        count, far = len(self.q), abs(self.end - self.start)
+        ways = [[self.start + step * k for k in range(far + 1)]]
+        if self.loop:
+            ways.append([(self.start - step * k) % count for k in range(count - far + 1)])
+        return [self.q[way] for way in ways]
+
+
+def one_after_another(machinery: Machinery, setting: Setting, arms: Sequence[Nodes]) -> bool:
+    """Whether arms that move from start to end one after another, in some order, keep clear."""
+    moving = [i for i, nodes in enumerate(arms) if nodes.start != nodes.end]
+    if not moving:
+        return True
+    orders = permutations(moving) if len(moving) <= _ORDERED else iter([tuple(moving)])
+    for order in orders:
+        for ways in product(*(arms[i].ways() for i in order)):
+            here = [nodes.q[nodes.start] for nodes in arms]
+            clear = True
+            for i, way in zip(order, ways, strict=True):
+                q = np.hstack([way if j == i else np.tile(x, (len(way), 1))
+                               for j, x in enumerate(here)])  # fmt: skip
+                here[i] = way[-1]
+                clear = bool(_clear(machinery, setting, q))
+                if not clear:
+                    break
+            if clear:
+                return True
+    return False
+
+
+class Grid:
+    """Combinations of the nodes of at most two arms that move, and which can be come to.
+
+    Attributes:
+        reached: those that can, (count_a, count_b); one column where one arm moves.
+        certain: whether no other can, as far as nodes tell.
+    """
+
+    def __init__(self, machinery: Machinery, setting: Setting, arms: Sequence[Nodes]) -> None:
+        """Find everything that arms can come to from their starts."""
+        self._machinery, self._setting, self._arms = machinery, setting, arms
+        self.moving = [i for i, nodes in enumerate(arms) if len(nodes.q) > 1][:2]
+        assert all(len(nodes.q) == 1 for i, nodes in enumerate(arms) if i not in self.moving)
+        sizes = [len(arms[i].q) for i in self.moving]
+        self._shape = (*sizes, 1, 1)[:2]
+        self._loops = [arms[i].loop for i in self.moving]
+        self.certain, self._left = True, _MEASURED
+        self._measured = np.zeros(self._shape, dtype=bool)
+        self._clear = self._by_capsules()
+        first = self.index([nodes.start for nodes in arms])
+        if not self._clear[first]:
+            self._clear[first] = self._exactly(first)
+        self.reached = np.zeros(self._shape, dtype=bool)
+        self.reached[first] = self._clear[first]
+        self._spread()
+        while self.reached.any():
+            beside = np.argwhere(self._beside() & ~self._clear & ~self._measured)
+            if not len(beside):
+                break
+            if not self._left:
+                self.certain = False
+                break
+            for row in beside[: self._left]:
+                at = (int(row[0]), int(row[1]))
+                self._left -= 1
+                self._measured[at] = True
+                self._clear[at] = self._exactly(at)
+            self._spread()
+
+    def index(self, which: Sequence[int]) -> tuple[int, int]:
+        """The entry of nodes by arm."""
+        chosen = [which[i] for i in self.moving]
+        a, b = (*chosen, 0, 0)[:2]
+        return a, b
+
+    def allowed(self, chosen: Indices) -> Mask:
+        """Which combinations of nodes of all arms, (count, K), can be come to."""
+        columns = [chosen[:, i] for i in self.moving]
+        nothing = np.zeros(len(chosen), dtype=np.intp)
+        a, b = (*columns, nothing, nothing)[:2]
+        return np.asarray(self.reached[a, b])
+
+    def _by_capsules(self) -> Mask:
+        clearance, cell = self._setting.clearance, self._setting.cell
+        assert clearance is not None
+        clear = np.ones(self._shape, dtype=bool)
+        alone = []
+        for i, nodes in enumerate(self._arms):
+            q = [nodes.q if j == i else None for j in range(len(self._arms))]
+            bodies = clearance.placed(cell, q)
+            own = np.ones(len(nodes.q), dtype=bool)
+            own[clearance.among(bodies, clearance.own(i), 0.0).rows] = False
+            alone.append(bodies)
+            own, blocked = self._own(i, own)
+            if i not in self.moving:
+                clear &= bool(own.all())
+            elif i == self.moving[0]:
+                clear &= own[:, None]
+                self._measured |= blocked[:, None]
+            else:
+                clear &= own
+                self._measured |= blocked
+        rows = np.argwhere(clear)
+        chosen = np.zeros((len(rows), len(self._arms)), dtype=np.intp)
+        for column, i in enumerate(self.moving):
+            chosen[:, i] = rows[:, column]
+        for first in range(0, len(rows), _AT_ONCE):
+            some = slice(first, first + _AT_ONCE)
+            near = clearance.among(clearance.combined(alone, chosen[some]), clearance.shared, 0.0)
+            hit = rows[some][np.unique(near.rows)]
+            clear[hit[:, 0], hit[:, 1]] = False
+        return clear
+
+    def _own(self, i: int, clear: Mask) -> tuple[Mask, Mask]:
+        """Which nodes of arm i are clear of all but the other arms, and which are certainly not.
+
+        Capsules are trusted but where they end what is clear.
+        """
+        clearance, cell, nodes = self._setting.clearance, self._setting.cell, self._arms[i]
+        assert clearance is not None
+        pairs = clearance.own(i)
+        blocked = np.zeros(len(clear), dtype=bool)
+        while True:
+            beside = _beside(clear, 0, nodes.loop)
+            beside[nodes.start] = True
+            rows = np.flatnonzero(beside & ~clear & ~blocked)
+            if not len(rows):
+                return clear, blocked
+            if not self._left:
+                self.certain = False
+                return clear, blocked
+            for row in rows[: self._left]:
+                q = [nodes.q[row][None] if j == i else None for j in range(len(self._arms))]
+                self._left -= 1
+                clear[row] = clearance.exactly(cell, q, pairs)
+                blocked[row] = not clear[row]
+
+    def _exactly(self, at: tuple[int, int]) -> bool:
+        which = dict(zip(self.moving, at, strict=False))
+        q = [nodes.q[which.get(i, 0)] for i, nodes in enumerate(self._arms)]
+        return self._machinery.exactly(self._setting, np.concatenate(q))
+
+    def _beside(self) -> Mask:
+        """Entries that are reached or next to one that is."""
+        found = self.reached
+        for axis, loop in enumerate(self._loops):
+            found = found | _beside(self.reached, axis, loop)
+        return found
+
+    def _spread(self) -> None:
+        while True:
+            more = self._beside() & self._clear
+            if (more == self.reached).all():
+                return
+            self.reached = more
+
+
+def _beside(some: Mask, axis: int, loop: bool) -> Mask:
+    """Entries that are among some or next to them along an axis."""
+    found = some.copy()
+    for way in (1, -1):
+        shifted = np.roll(some, way, axis=axis)
+        if not loop:
+            edge = np.moveaxis(shifted, axis, 0)
+            edge[0 if way > 0 else -1] = False
+        found |= shifted
+    return found
+
+
+def _clear(machinery: Machinery, setting: Setting, q: Array) -> bool:
+    """Whether all of some combinations, (count, N), keep the clearance."""
+    blocked = np.flatnonzero(~machinery.clear(setting, q))
+    return len(blocked) <= _MEASURED and all(machinery.exactly(setting, q[k]) for k in blocked)

@@ -1,0 +1,76 @@
+"""``[path]``: the object's way through the world, and how the joint motion along it is chosen."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import Field, PlainValidator
+from pydantic_core import PydanticCustomError
+
+from copose.problem.values import NotNegative, Number, Pair, Positive, Spec, Triple
+
+_MOST_WAYPOINTS, _MOST_KNOTS = 100, 2000
+_LONGEST, _SHORTEST = 1e5, 1e-3
+
+
+def _duration(value: Any) -> Any:
+    if value == "shortest":
+        return value
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        if _SHORTEST <= value <= _LONGEST:
+            return float(value)
+        raise PydanticCustomError("copose", "must be from 0.001 to 1e5 s")
+    raise PydanticCustomError("copose", "must be a number of seconds, or 'shortest'")
+
+
+Duration: TypeAlias = Annotated[float | Literal["shortest"], PlainValidator(_duration)]
+
+
+class Waypoint(Spec):
+    """A pose of the object in the world; what it leaves out is the previous one's."""
+
+    position: Triple | None = None
+    rpy: Triple | None = None
+
+
+class PlanarWaypoint(Spec):
+    """A pose of the object in the plane; what it leaves out is the previous one's."""
+
+    position: Pair | None = None
+    angle: Number | None = None
+
+
+class PathSpec(Spec):
+    """``[path]``.
+
+    Attributes:
+        waypoints: poses in place of the object's; what the first leaves out is the object's.
+        duration: s, or the shortest within the limits.
+        knots: uniform in time, both ends included.
+        aggregate: of the objective over the knots.
+        smoothness: s²/rad² per unit of the objective, how much joint speeds count.
+        closed: whether it ends in the posture it began with.
+        tolerance: what the chain may be open between knots, m or rad.
+    """
+
+    waypoints: tuple[Waypoint, ...] | tuple[PlanarWaypoint, ...]
+    duration: Duration = 2.0
+    knots: Annotated[int, Field(ge=2, le=_MOST_KNOTS)] = 50
+    aggregate: Literal["mean", "worst"] = "mean"
+    smoothness: NotNegative = 0.01
+    closed: bool = False
+    tolerance: Positive = 1e-4
+
+
+class SpatialPath(PathSpec):
+    """``[path]`` in space."""
+
+    waypoints: Annotated[tuple[Waypoint, ...], Field(min_length=2, max_length=_MOST_WAYPOINTS)]
+
+
+class PlanarPath(PathSpec):
+    """``[path]`` in the plane."""
+
+    waypoints: Annotated[
+        tuple[PlanarWaypoint, ...], Field(min_length=2, max_length=_MOST_WAYPOINTS)
+    ]

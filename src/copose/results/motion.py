@@ -1,0 +1,149 @@
+"""What is answered of a path: a joint motion as frozen data, the same as in `result.json`."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import model_serializer, model_validator
+from pydantic_core.core_schema import SerializerFunctionWrapHandler
+
+from copose.results.records import Finite, Record, Vector
+from copose.results.solution import ObjectiveRecord, Posture, ProblemRecord, Timing
+
+
+class Knot(Posture):
+    """A posture of a motion.
+
+    Attributes:
+        objective: its value; null where there is none.
+        velocity: of the joints, by arm, rad/s or m/s.
+        acceleration: alike, rad/s² or m/s².
+        torque: that drives the joints so, by arm, N·m or N; null in all knots where at one of them
+            no contact wrenches carry the object.
+    """
+
+    objective: Finite | None
+    velocity: dict[str, Vector]
+    acceleration: dict[str, Vector]
+    torque: dict[str, Vector] | None
+
+    @model_serializer(mode="wrap")
+    def _as_asked(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        return {key: value for key, value in data.items() if key in self.model_fields_set}
+
+
+class JointRecord(Record):
+    """Limits of a joint; null where it has none.
+
+    Attributes:
+        lower: rad or m; ``upper`` alike.
+        velocity: rad/s or m/s.
+        acceleration: rad/s² or m/s².
+        torque: N·m or N.
+    """
+
+    lower: Finite | None
+    upper: Finite | None
+    velocity: Finite | None
+    acceleration: Finite | None
+    torque: Finite | None
+
+
+class TrackingRecord(Record):
+    """Least-norm tracking of the same path from the first posture: what is there without planning.
+
+    Attributes:
+        objective: at every time of the motion; null from where on it fails.
+        reason: why it fails, null where it does not.
+    """
+
+    objective: tuple[Finite | None, ...]
+    reason: str | None
+
+
+class RouteRecord(Record):
+    """A route of the layered graph that was optimised.
+
+    Attributes:
+        graph: its aggregate less smoothness in the graph.
+        value: the same of the motion that the program made of it; null where that failed.
+        status: how the program ended, in IPOPT's words.
+    """
+
+    graph: Finite
+    value: Finite | None
+    status: str
+
+
+class PathSearchRecord(Record):
+    """The evidence of a path's search.
+
+    Attributes:
+        seed: of everything that was drawn.
+        layers: of the graph.
+        nodes: postures in it, by arm.
+        combinations: of the arms' postures that were evaluated.
+        routes: that were optimised, best first.
+    """
+
+    seed: int
+    layers: int
+    nodes: dict[str, int]
+    combinations: int
+    routes: tuple[RouteRecord, ...]
+
+
+class Motion(Record):
+    """A joint motion; written by `copose path` as ``result.json``.
+
+    Attributes:
+        objective: aggregates over the knots; ``before`` is least-norm tracking's.
+        limits: of every joint, by arm, in the order of ``joint_names``.
+        aggregate: of the objective over the knots.
+        smoothness: S, the mean of the squared joint speeds, of all intervals and joints.
+        duration: s; null where nothing moves.
+        time: of the knots, s.
+        knots: postures with velocities, accelerations and torques.
+        between_knots_error: the largest opening of the chain between knots, m or rad.
+        collision: the smallest distance between knots, m, by coal; null where it was not asked for.
+        least_norm: what tracking without planning comes to.
+        reachable_from_start: of a motion to the best posture, whether that of all is reachable.
+    """
+
+    format: Literal[1] = 1
+    copose: str
+    problem: ProblemRecord
+    status: Literal["solved", "infeasible", "failed"]
+    reason: str | None
+    notes: tuple[str, ...]
+    objective: ObjectiveRecord
+    aggregate: Literal["mean", "worst"]
+    smoothness: Finite | None
+    duration: Finite | None
+    joint_names: dict[str, tuple[str, ...]]
+    limits: dict[str, tuple[JointRecord, ...]]
+    time: Vector | None
+    knots: tuple[Knot, ...] | None
+    between_knots_error: Finite | None
+    collision: Finite | None = None
+    least_norm: TrackingRecord | None
+    reachable_from_start: bool | None = None
+    search: PathSearchRecord | None
+    timing: Timing
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Motion:
+        if (self.time is None) != (self.knots is None):
+            raise ValueError("time, knots: one without the other")
+        if self.time is None or self.knots is None:
+            return self
+        if len(self.time) != len(self.knots):
+            raise ValueError("time: not one for every knot")
+        expected = {name: len(joints) for name, joints in self.joint_names.items()}
+        for knot in self.knots:
+            for part in (knot.joints, knot.velocity, knot.acceleration, knot.torque or expected):
+                counts = {n: x if isinstance(x, int) else len(x) for n, x in part.items()}
+                if counts != expected:
+                    raise ValueError("knots: joints are not those that joint_names lists")
+        return self

@@ -1,0 +1,291 @@
+"""Motions along paths: what they keep, where they stop, and the graph that they come from."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import copose
+from cells import planar, toml, two_pandas
+from copose.cli import main
+from copose.paths.lattice import Lattice
+from path_problems import GRAVITY, along, carried, hinged, single_hinged
+
+STILL = {"timing": None}
+
+
+def planned(cell: dict, seed: int | None = None) -> copose.Motion:
+    motion = copose.plan(copose.parse(cell), seed=seed)
+    assert motion.status == "solved", motion.reason
+    return motion
+
+
+def stopped(cell: dict) -> copose.Motion:
+    motion = copose.plan(copose.parse(cell))
+    assert (motion.knots, motion.time) == (None, None)
+    return motion
+
+
+def joints(motion: copose.Motion) -> np.ndarray:
+    return np.array([np.concatenate(list(knot.joints.values())) for knot in motion.knots])
+
+
+def rates(motion: copose.Motion, what: str) -> np.ndarray:
+    return np.array([np.concatenate(list(getattr(k, what).values())) for k in motion.knots])
+
+
+def limited(cell: dict, **keys: object) -> dict:
+    for arm in cell["arms"]:
+        arm.update(keys)
+    return cell
+
+
+def test_the_same_file_and_seed_give_the_same_motion() -> None:
+    one, other = (planned(hinged(), seed=3) for _ in range(2))
+    assert one.model_copy(update=STILL) == other.model_copy(update=STILL)
+
+
+def test_any_seed_finds_the_same_motion() -> None:
+    worths = []
+    for seed in range(4):
+        motion = planned(hinged(), seed=seed)
+        worths.append(motion.objective.after - 0.01 * motion.smoothness)
+    assert np.ptp(worths) < 1e-6
+
+
+def test_the_shortest_motion_uses_the_limits_and_none_is_shorter() -> None:
+    cell = limited(hinged(duration="shortest"), velocity_limits=[1.0, 1.5, 2.0])
+    motion = planned(cell)
+    steps = np.abs(np.diff(joints(motion), axis=0)) / np.diff(motion.time)[:, None]
+    limits = np.tile([1.0, 1.5, 2.0], 2)
+    assert 0.97 < (steps / limits).max() <= 1 + 1e-9
+    assert (np.abs(rates(motion, "velocity")) / limits).max() <= 1 + 1e-9
+    for part, solved in ((0.97, False), (1.03, True)):
+        cell["path"]["duration"] = part * motion.duration
+        assert (copose.plan(copose.parse(cell)).status == "solved") == solved
+
+
+def test_shortest_asks_for_speed_limits() -> None:
+    with pytest.raises(copose.InputError, match=r"path\.duration: needs speed limits"):
+        copose.plan(copose.parse(hinged(duration="shortest")))
+
+
+def test_acceleration_limits_are_kept() -> None:
+    free = planned(hinged())
+    most = 0.7 * np.abs(rates(free, "acceleration")).max()
+    motion = planned(limited(hinged(), acceleration_limits=[float(most)] * 3))
+    assert np.abs(rates(motion, "acceleration")).max() <= most * (1 + 1e-6)
+
+
+def test_dynamic_torques_are_kept_at_every_knot() -> None:
+    free = planned(hinged(duration=0.8))
+    most = np.abs(rates(free, "torque")).max(axis=0)
+    limits = [float(x) for x in 0.9 * most.reshape(2, 3).max(axis=0)]
+    cell = limited(hinged(duration=0.8), torque_limits=limits)
+    broken = planned(cell)
+    assert (np.abs(rates(broken, "torque")).max(axis=0) > np.tile(limits, 2)).any()
+    cell["constraints"] = {"dynamic_torque": True}
+    kept = planned(cell)
+    assert np.all(np.abs(rates(kept, "torque")) <= np.tile(limits, 2) * (1 + 2e-6))
+    assert kept.objective.after - 0.01 * kept.smoothness <= (
+        broken.objective.after - 0.01 * broken.smoothness + 1e-7
+    )
+
+
+def test_dynamic_torque_asks_for_torque_limits() -> None:
+    with pytest.raises(copose.InputError, match="dynamic_torque needs a torque limit on every"):
+        copose.plan(copose.parse(hinged() | {"constraints": {"dynamic_torque": True}}))
+
+
+def test_static_torques_are_kept_at_every_knot() -> None:
+    cell = limited(hinged(), torque_limits=[14.0, 9.0, 5.0])
+    cell["constraints"] = {"static_torque": True}
+    motion = planned(cell)
+    shares = [max(map(max, knot.static_torque.values())) for knot in motion.knots]
+    assert max(shares) <= 1 + 1e-6
+
+
+def test_a_closed_motion_ends_as_it_began() -> None:
+    cell = hinged(closed=True)
+    cell["path"]["waypoints"].append(cell["path"]["waypoints"][0] | {"angle": 0.0})
+    motion = planned(cell)
+    q = joints(motion)
+    assert np.abs(q[-1] - q[0]).max() < 1e-9
+
+
+def test_a_closed_path_has_to_return() -> None:
+    with pytest.raises(copose.InputError, match=r"path\.closed: a closed path ends where"):
+        copose.plan(copose.parse(hinged(closed=True)))
+
+
+def test_the_first_knot_is_the_start() -> None:
+    free = planned(hinged())
+    first = free.knots[0].joints
+    cell = hinged()
+    for arm in cell["arms"]:
+        arm["start"] = [q + 0.02 for q in first[arm["name"]]]
+    motion = planned(cell)
+    assert np.abs(joints(motion)[0] - joints(free)[0]).max() < 0.1
+    assert max(motion.knots[0].closure_error.values()) < 1e-8
+
+
+def test_the_worst_counts_where_it_is_asked_for() -> None:
+    mean, worst = (planned(hinged(aggregate=each)) for each in ("mean", "worst"))
+    least = min(knot.objective for knot in mean.knots)
+    assert worst.objective.after == pytest.approx(min(knot.objective for knot in worst.knots))
+    assert worst.objective.after - 0.01 * worst.smoothness > least - 0.01 * mean.smoothness
+
+
+def test_knots_are_added_where_the_chain_opens_between_them() -> None:
+    motion = planned(hinged(knots=4, tolerance=1e-5))
+    extra = (len(motion.knots) - 1) / 3
+    assert extra > 1 and extra == 2 ** round(np.log2(extra))
+    assert motion.between_knots_error <= 1e-5
+
+
+def test_three_arms() -> None:
+    cell = along(planar(3), {"position": [-0.1, 0.1]}, {"position": [0.1, 0.15]}, knots=25)
+    worths = [planned(cell, seed=seed).objective.after for seed in range(3)]
+    assert np.ptp(worths) < 0.02
+
+
+def test_joints_without_limits_are_unwrapped() -> None:
+    cell = single_hinged(knots=60, duration=6.0)
+    turn = [{"position": [0.5 * np.cos(a) - 0.7, 0.5 * np.sin(a)]} for a in np.linspace(0, 7, 15)]
+    cell["path"]["waypoints"] = turn
+    motion = planned(cell)
+    steps = np.abs(np.diff(joints(motion), axis=0))
+    assert steps.max() < 1.0
+    assert abs(joints(motion)[-1].sum() - joints(motion)[0].sum()) > 2
+
+
+@pytest.mark.parametrize(
+    ("cell", "expected"),
+    [
+        (along(planar(), {}, {"position": [0.0, 3.0]}), r"arm 'a1', .* s: it misses.*\(reach\)"),
+        (
+            limited(
+                along(planar(1), {}, {"position": [-0.6, 0.9]}), position_limits=[[-0.5, 0.5]] * 3
+            ),
+            r"arm 'a1', .* s: joint 'joint\d' would be .* beyond its limits \(limit\)",
+        ),
+        (
+            limited(hinged(duration=0.2), velocity_limits=[1.0, 1.0, 1.0]),
+            r"joint 'joint\d' would be faster than its limit; 0.2 s is too short.*\(speed\)",
+        ),
+    ],
+)
+def test_what_is_infeasible_says_where(cell: dict, expected: str) -> None:
+    import re
+
+    motion = stopped(cell)
+    assert motion.status == "infeasible"
+    assert re.search(expected, motion.reason), motion.reason
+
+
+def test_freedom_and_cases_are_refused() -> None:
+    cell = hinged()
+    cell["object"]["freedom"] = {"x": [-0.1, 0.1]}
+    with pytest.raises(copose.InputError, match="path: and freedom exclude each other"):
+        copose.parse(cell)
+    cell = hinged() | {"cases": [{"name": "a"}]}
+    with pytest.raises(copose.InputError, match="path: and cases exclude each other"):
+        copose.parse(cell)
+
+
+def test_bodies_keep_their_clearance_along_the_way() -> None:
+    cell = hinged(knots=20)
+    cell["object"]["shape"] = {"kind": "disk", "radius": 0.1}
+    free = planned(cell)
+    elbow = np.array(free.knots[10].arms["a1"].skeleton)[1, :2]
+    cell["obstacles"] = [
+        {"name": "post", "shape": {"kind": "disk", "radius": 0.05}, "position": elbow.tolist()}
+    ]
+    cell["constraints"] = {"collision": True, "clearance": 0.01}
+    motion = planned(cell)
+    assert min(knot.collision.distance for knot in motion.knots) >= 0.01
+    assert motion.collision >= 0.009
+    assert motion.objective.after < free.objective.after
+
+
+def test_without_a_path_the_motion_goes_to_the_best_posture(tmp_path: Path) -> None:
+    cell = planar(world=GRAVITY)
+    for arm, start in zip(cell["arms"], ([-0.4, 1.5, 1.2], [-0.4, 1.5, 1.2]), strict=True):
+        arm["start"] = start
+    solution = copose.solve(copose.parse(cell))
+    motion = planned(cell)
+    assert motion.reachable_from_start == solution.reachable_from_start
+    places = {knot.object.position for knot in motion.knots}
+    assert places == {solution.after.object.position}
+    start = np.concatenate(list(solution.before.joints.values()))
+    assert np.abs(joints(motion)[0] - start).max() < 1e-8
+    if motion.reachable_from_start:
+        best = np.concatenate(list(solution.after.joints.values()))
+        apart = np.mod(joints(motion)[-1] - best + np.pi, 2 * np.pi) - np.pi
+        assert np.abs(apart).max() < 1e-6
+
+
+def test_the_command_writes_a_motion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "p.toml"
+    file.write_text(toml(hinged()))
+    assert main(["path", str(file), "-o", str(tmp_path / "out"), "--quiet", "--ros"]) == 0
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"result.json", "trajectory.csv", "path.png", "trajectory.yaml"}
+    motion = copose.read_motion(tmp_path / "out" / "result.json")
+    data = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert len(data["time"]) == len(data["knots"]) == len(motion.knots)
+    assert "before" not in data and "after" not in data
+
+
+def test_infeasible_motions_exit_with_3(tmp_path: Path) -> None:
+    file = tmp_path / "p.toml"
+    file.write_text(toml(along(planar(), {}, {"position": [0.0, 3.0]})))
+    assert main(["path", str(file), "-o", str(tmp_path / "out"), "--quiet"]) == 3
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["result.json"]
+
+
+def test_two_pandas_keep_the_time_of_their_path() -> None:
+    motion = planned(carried(knots=20))
+    assert motion.time[-1] == pytest.approx(2.0) and motion.time[0] == 0.0
+    assert motion.between_knots_error <= 1e-4
+    assert max(max(knot.closure_error.values()) for knot in motion.knots) <= 1e-8
+    assert two_pandas()["name"] == motion.problem.name
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 10**6))
+def test_the_lattice_finds_what_enumeration_finds(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    layers, counts = 4, rng.integers(1, 4, (4, 2))
+
+    def costs(axis: int) -> list[np.ndarray]:
+        found = [rng.uniform(0, 1, (counts[k, axis], counts[k + 1, axis])) for k in range(3)]
+        return [np.where(rng.random(c.shape) < 0.2, np.inf, c) for c in found]
+
+    values = [rng.uniform(0, 1, tuple(counts[k])) for k in range(layers)]
+    lattice = Lattice(values, costs(0), costs(1))
+    best, widest, least = -np.inf, -np.inf, np.inf
+    for nodes in np.ndindex(*counts.ravel()):
+        path = np.array(nodes).reshape(layers, 2)
+        moves = [
+            (one[path[k, 0], path[k + 1, 0]], other[path[k, 1], path[k + 1, 1]])
+            for k, (one, other) in enumerate(zip(lattice.one, lattice.other, strict=True))
+        ]
+        worth = [values[k][tuple(pair)] for k, pair in enumerate(path)]
+        total = sum(worth) - sum(map(sum, moves))
+        best = max(best, total)
+        largest = max(map(max, moves))
+        least = min(least, largest)
+        if np.isfinite(largest):
+            widest = max(widest, min(worth))
+    found = lattice.best(1)
+    assert (len(found) == 0) == (not np.isfinite(best))
+    if found:
+        assert found[0].worth == pytest.approx(best)
+    assert lattice.least_of_largest() == pytest.approx(least)
+    assert lattice.widest.max(initial=-np.inf) == pytest.approx(widest)
