@@ -75,6 +75,7 @@ def test_the_commands_run(here: Path) -> None:
     printed = shell(blocks("sh")[1])
     assert "panda_joint7" in printed and "log-volume" in printed and "difference" in printed
     assert (here / "compare.png").exists()
+    assert (here / "carried/trajectory.yaml").exists()
     assert (here / "panda.pdf").exists() and (here / "panda/result.json").exists()
 
 
@@ -93,9 +94,17 @@ def test_the_remarks_are_what_the_benchmark_counts() -> None:
     assert answer.stdout in README
 
 
-def test_the_problem_file_solves() -> None:
-    (text,) = blocks("toml")
+def test_the_problem_file_solves_and_so_does_its_path() -> None:
+    text, path = blocks("toml")
     assert copose.solve(copose.parse(tomllib.loads(text))).status == "solved"
+    assert copose.plan(copose.parse(tomllib.loads(text + path))).status == "solved"
+
+
+def test_the_picture_of_the_motion_is_what_path_draws(here: Path) -> None:
+    shell("copose path problems/panda-carry-path.toml --quiet -o carried")
+    shown = imread(ROOT / re.findall(r"!\[.*\]\((.*)\)", README)[2])
+    drawn = imread(here / "carried/path.png")
+    assert shown.shape == drawn.shape and np.abs(shown - drawn).mean() < 0.01
 
 
 def test_the_python_blocks_run(here: Path, capsys) -> None:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
-from pydantic import model_serializer, model_validator
-from pydantic_core.core_schema import SerializerFunctionWrapHandler
+from pydantic import model_validator
 
 from copose.results.records import Finite, Record, Vector
 from copose.results.solution import ObjectiveRecord, Posture, ProblemRecord, Timing
@@ -26,11 +25,6 @@ class Knot(Posture):
     velocity: dict[str, Vector]
     acceleration: dict[str, Vector]
     torque: dict[str, Vector] | None
-
-    @model_serializer(mode="wrap")
-    def _as_asked(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = handler(self)
-        return {key: value for key, value in data.items() if key in self.model_fields_set}
 
 
 class JointRecord(Record):
