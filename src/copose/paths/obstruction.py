@@ -114,6 +114,9 @@ def blocked(
     )
     if finder.lattice is None:
         return Obstruction("failed", f"no motion was found whose postures all {what}")
+    # What bodies leave may be narrower than the graph is fine: only nothing at all is sure.
+    left = [np.isfinite(values).any() for values in finder.lattice.values]
+    narrow = constraints.collision and all(left)
     stop = min(finder.lattice.reach(), len(course) - 1)
     if machinery.cell.problem.path is not None and machinery.cell.problem.path.closed:
         return Obstruction(
@@ -121,7 +124,7 @@ def blocked(
         )
     names = ", ".join(repr(arm.name) for arm in machinery.cell.arms)
     return Obstruction(
-        "infeasible",
+        "failed" if narrow else "infeasible",
         f"arms {names}, {_time(course, stop, duration)}: no postures that can be come to {what}",
     )
 

@@ -27,6 +27,8 @@ _BESIDE, _ASLANT, _CARRIED = 1.7, 0.5, 1.0
 # Postures of a layer, with one degree of freedom to spare and with more, of how many they are first
 # chosen, and by how much spacings grow where there would be more.
 _MOST, _MOST_SURFACE, _DRAWN, _COARSER = 120, 140, 480, 1.25
+# How many times finer they are where bodies may be in the way.
+_FINER = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +109,9 @@ class Roadmap:
         )
         spare = self._kernels.n - self._kernels.m
         self._most = _MOST if spare <= 1 else _MOST_SURFACE
-        self.spacing = SPACING
+        # Bodies in the way may leave little of a self-motion.
+        finer = 1 if machinery.clearance is None or spare > 1 else _FINER
+        self.spacing, self._most = SPACING / finer, finer * self._most
         first = self._sampled(seed)
         self.held: list[int | None] = [None, None]
         if start is not None:
@@ -153,6 +157,12 @@ class Roadmap:
             # Long self-motions are sampled more coarsely, not in part.
             self.spacing *= _COARSER
             q = self._thinned(q[:0], q, 0.5 * self.spacing)
+        while len(q) and self.spacing < SPACING:
+            # The sample is coarser than what bodies may leave.
+            more = self._beside(q, 0)
+            if not len(more) or len(q) + len(more) > self._most:
+                break
+            q = np.vstack([q, more])
         return q
 
     def _with(self, q: Array, posture: Array) -> tuple[Array, int]:

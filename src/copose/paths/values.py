@@ -8,11 +8,14 @@ import numpy as np
 
 from copose.paths.course import Course
 from copose.paths.roadmap import Roadmap
+from copose.planning.clearing import alone_clear
 from copose.planning.machinery import Machinery
 from copose.planning.objectives import EllipsoidMeasure
 from copose.poses import Array, Indices, Mask
 
 _UNHELD = -1e8
+# Postures of an arm, and pairs, of a layer whose bodies are measured where capsules are too near.
+_MEASURED, _MEASURED_PAIRS = 24, 64
 
 
 class Values:
@@ -45,23 +48,38 @@ class Values:
                 q = roadmap.layers[k].q
                 alone = [q if j == i else None for j in range(len(self._roadmaps))]
                 clearance.loosen(cell, alone, clearance.own(i))
-                masks.append(clearance.clear(cell, alone, clearance.own(i)) & still)
+                masks.append(alone_clear(setting, i, q, _MEASURED) & still)
             found.append(masks)
         return found
 
     def pairs(self, k: int) -> Array:
         """Of all combinations of two arms' postures, (count, count'), of one arm (count, 1)."""
         terms = self._terms[k]
-        sums = terms[0][:, None] + (terms[1][None] if len(terms) > 1 else 0.0)
-        values = self._of(k, sums.reshape(-1, sums.shape[2])).reshape(sums.shape[:2])
-        if self._clear:
-            values[~self._clear[k][0]] = -np.inf
-            if len(terms) > 1:
-                values[:, ~self._clear[k][1]] = -np.inf
-                rows, columns = np.nonzero(np.isfinite(values))
-                near = ~self._apart(k, np.column_stack([rows, columns]))
-                values[rows[near], columns[near]] = -np.inf
+        counts = [len(mine) for mine in terms]
+        masks = self._clear[k] if self._clear else [np.ones(n, dtype=bool) for n in counts]
+        one = np.flatnonzero(masks[0])
+        other = np.flatnonzero(masks[1]) if len(terms) > 1 else np.zeros(1, dtype=np.intp)
+        sums = terms[0][one][:, None] + (terms[1][other][None] if len(terms) > 1 else 0.0)
+        values = np.full((counts[0], counts[1] if len(terms) > 1 else 1), -np.inf)
+        values[np.ix_(one, other)] = self._of(k, sums.reshape(-1, sums.shape[2])).reshape(
+            sums.shape[:2]
+        )
+        if self._clear and len(terms) > 1:
+            self._keep_apart(k, values)
         return values
+
+    def _keep_apart(self, k: int, values: Array) -> None:
+        """Rule out the pairs that are too near each other."""
+        rows, columns = np.nonzero(np.isfinite(values))
+        if not len(rows):
+            return
+        pairs = np.column_stack([rows, columns])
+        near = ~self._apart(k, pairs)
+        if near.all():
+            # Capsules would have it that nothing is clear: bodies decide.
+            best = np.argsort(-values[rows, columns], kind="stable")[:_MEASURED_PAIRS]
+            near[best] = ~self._exactly(k, pairs[best])
+        values[rows[near], columns[near]] = -np.inf
 
     def beside(self, k: int, i: int, nodes: Indices) -> Array:
         """Of all postures of arm i beside some of the others', (count,)."""
@@ -88,6 +106,17 @@ class Values:
             grams = machinery.grams_of(setting, sums[held, :own])
             values[held] = setting.objective.of_grams(grams)
         return values
+
+    def _exactly(self, k: int, chosen: Indices) -> Mask:
+        """The same by the bodies themselves."""
+        setting = self._course.settings[k]
+        assert setting.clearance is not None
+        found = []
+        for nodes in chosen:
+            q = [r.layers[k].q[[node]] for r, node in zip(self._roadmaps, nodes, strict=True)]
+            shared = setting.clearance.shared
+            found.append(setting.clearance.exactly(setting.cell, q, shared))
+        return np.array(found, dtype=bool)
 
     def _apart(self, k: int, chosen: Indices) -> Mask:
         """Which combinations, (count, K), keep the arms clear of each other."""

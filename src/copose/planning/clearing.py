@@ -73,11 +73,18 @@ def clear_alone(setting: Setting, i: int, q: Array) -> Array:
 
     Of some of those whose capsules do not, bodies decide: a climb may have ended where they touch.
     """
+    return np.asarray(q[alone_clear(setting, i, q, _MEASURED_ENDS)])
+
+
+def alone_clear(setting: Setting, i: int, q: Array, most: int) -> Mask:
+    """Which postures of arm i, (count, n), keep clear of all but the other arms; bodies decide for
+    so many whose capsules do not.
+    """
     clearance, cell = setting.clearance, setting.cell
     assert clearance is not None
     clear, hit = _clear(clearance, cell, i, q)
-    clear[_exactly_clear(clearance, cell, i, q, hit, _MEASURED_ENDS)] = True
-    return np.asarray(q[clear])
+    clear[_exactly_clear(clearance, cell, i, q, hit, most)] = True
+    return clear
 
 
 def in_each_others_way(setting: Setting, postures: Sequence[Array], seed: int) -> str:
