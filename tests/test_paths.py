@@ -70,6 +70,12 @@ def test_the_shortest_motion_uses_the_limits_and_none_is_shorter() -> None:
         assert (copose.plan(copose.parse(cell)).status == "solved") == solved
 
 
+def test_any_seed_finds_the_shortest_motion() -> None:
+    cell = limited(hinged(duration="shortest"), velocity_limits=[1.0, 1.5, 2.0])
+    durations = [planned(cell, seed=seed).duration for seed in range(4)]
+    assert np.ptp(durations) < 2e-3 * min(durations)
+
+
 def test_shortest_asks_for_speed_limits() -> None:
     with pytest.raises(copose.InputError, match=r"path\.duration: needs speed limits"):
         copose.plan(copose.parse(hinged(duration="shortest")))

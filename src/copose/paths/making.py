@@ -134,6 +134,8 @@ class Making:
             finder = self._finder(values, roadmaps, course)
         for _ in range(_SLOWER):
             routes = finder.routes(_ROUTES, _DISTANCE)
+            if self.path.duration == "shortest":
+                routes = [*finder.quickest(_ROUTES, _DISTANCE), *routes]
             if not routes:
                 why = blocked(self.machinery, course, finder, self.answer.duration)
                 record = self._record(course, roadmaps, values.combinations, [])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -19,6 +19,8 @@ Aggregate: TypeAlias = Literal["mean", "worst"]
 # all others, and the program, which has finer knots, may mend them.
 _TOO_FAST = 1e4
 _BESIDE = 1.3
+# The power of times of moves whose sum stands in for the largest.
+_PEAKED = 8
 # Random routes that exchange improves where there are more than two arms, and sweeps.
 _DRAWN, _SWEEPS, _GAIN = 4, 8, 1e-9
 # Combinations that a closed motion may begin with of which so many are tried, some rad or m apart.
@@ -123,6 +125,22 @@ class Finder:
                 chosen.append(route)
         return chosen
 
+    def quickest(self, most: int, distance: float) -> list[Route]:
+        """Routes whose slowest moves take the least time, about, that differ as in `routes`; of one
+        or two arms, the ends of which need not be the same.
+        """
+        if self.lattice is None or self._returns:
+            return []
+        least = self.least_interval()
+        if not 0 < least < np.inf:
+            return []
+        paces = [
+            [(layer.pace(speed) / least) ** _PEAKED for layer in roadmap.layers[1:]]
+            for roadmap, speed in zip(self._roadmaps, self._worth.speeds, strict=True)
+        ]
+        allowed = [np.where(np.isfinite(v), 0.0, -np.inf) for v in self.lattice.values]
+        return self._far_apart(self._moving(allowed, paces), most, distance, Lattice.best)
+
     def least_interval(self) -> float:
         """The least time between layers, s, in which some route's slowest joints can follow it."""
         paces = [
@@ -161,6 +179,16 @@ class Finder:
         return np.hstack(columns)
 
     def _best(self, lattice: Lattice, most: int, distance: float) -> list[Route]:
+        return self._far_apart(lattice, most, distance, self._aggregated)
+
+    def _far_apart(
+        self,
+        lattice: Lattice,
+        most: int,
+        distance: float,
+        best: Callable[[Lattice, int, Far | None], list[Found]],
+    ) -> list[Route]:
+        """Routes that differ in the middle layer by more than a distance."""
         middle = self._count // 2
         q = [roadmap.layers[middle].q for roadmap in self._roadmaps]
 
@@ -169,7 +197,7 @@ class Finder:
             apart = [r.apart(mine[some], mine[one]) for r, mine, some, one in parts]
             return np.asarray(np.abs(np.hstack(apart)).max(axis=1) > distance)
 
-        found = self._aggregated(lattice, most, far if most > 1 else None)
+        found = best(lattice, most, far if most > 1 else None)
         K = len(self._roadmaps)
         return [Route(each.nodes[:, :K], each.worth) for each in found]
 
