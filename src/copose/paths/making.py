@@ -141,6 +141,10 @@ class Making:
                 record = self._record(course, roadmaps, values.combinations, [])
                 return self.answer.stopped(why, record)
             tried = self._tried(course, finder, routes, held)
+            if tried[0].value is None and self.path.duration != "shortest":
+                # Time may be too short for all but the quickest.
+                tried += self._tried(course, finder, finder.quickest(_ROUTES, _DISTANCE), held)
+                tried.sort(key=lambda each: each.value is None)
             if tried[0].value is not None or self.answer.problem.path is not None:
                 break
             # Nobody has said how long it may take.
