@@ -146,5 +146,6 @@ def within_speeds(rates: Array, spare: Array, speeds: Array) -> Array:
     low, high = np.nanmax(ends.min(axis=0), axis=1), np.nanmin(ends.max(axis=0), axis=1)
     step = np.clip(0.0, low, high)
     crossed = low > high
-    step[crossed] = (low[crossed] + high[crossed]) / 2
+    # No step helps all joints: a long one along a motion that hardly moves the worst would harm.
+    step[crossed] = 0.0
     return np.asarray(rates + step[:, None] * spare)

@@ -17,6 +17,7 @@ from copose.paths.reconfiguring import aim
 from copose.paths.shaping import Shaper
 from copose.planning.cell import Cell
 from copose.planning.climbing import Progress
+from copose.planning.freedom import Freedom
 from copose.planning.machinery import Machinery
 from copose.problem import PathSpec, PlanarWaypoint, Problem, Waypoint
 from copose.results import Motion
@@ -43,6 +44,12 @@ class PathPlanner:
         """
         began = time.perf_counter()
         self.problem = problem
+        if problem.cases or len(Freedom.of(problem)):
+            raise InputError(
+                "and a motion exclude each other; leave out one of them",
+                key="cases" if problem.cases else "freedom",
+                file=problem.source,
+            )
         self.path = problem.path if problem.path is not None else _still(problem)
         self.journey = Journey.of(problem)
         if self.path.closed and not self.journey.returns:
