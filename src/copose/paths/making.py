@@ -272,7 +272,7 @@ class Making:
             count = 2 * count - 1
             if found.converged and seen.error > _TWICE * self.path.tolerance:
                 count = 2 * count - 1
-            if found.converged and len(found.q) >= len(best.q):
+            if found.converged:
                 best = found
             elif count > _REFINED * self.path.knots and count > _REFINED * len(best.q):
                 return self.answer.stopped(program_failed(found), record)
