@@ -29,6 +29,8 @@ _BESIDE, _ASLANT, _CARRIED = 1.7, 0.5, 1.0
 _MOST, _MOST_SURFACE, _DRAWN, _COARSER = 120, 140, 480, 1.25
 # How many times finer they are where bodies may be in the way.
 _FINER = 4
+# How many times more of them there may be around a posture to start from.
+_FROM_START = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,6 @@ class Roadmap:
         self._cell, self._kernels, self._i = machinery.cell, machinery.arms[i], i
         self._course, arm = course, machinery.cell.arms[i]
         self._lower, self._upper = machinery.cell.lower[i], machinery.cell.upper[i]
-        # The tips may be nearer to a limit at the start than the margin allows.
         self.unlimited = np.array(
             [j.kind == "revolute" and not np.isfinite([j.lower, j.upper]).any() for j in arm.joints]
         )
@@ -112,10 +113,14 @@ class Roadmap:
         # Bodies in the way may leave little of a self-motion.
         finer = 1 if machinery.clearance is None or spare > 1 else _FINER
         self.spacing, self._most = SPACING / finer, finer * self._most
-        first = self._sampled(seed)
         self.held: list[int | None] = [None, None]
-        if start is not None:
-            first, self.held[0] = self._with(first, start)
+        if start is not None and spare <= 1:
+            # What is on no curve with it can never be come to.
+            first, self.held[0] = self._grown(start[None], _FROM_START * self._most), 0
+        else:
+            first = self._sampled(seed)
+            if start is not None:
+                first, self.held[0] = self._with(first, start)
         nothing = np.zeros((0, self._kernels.n))
         self.layers = [Layer(first, nothing, np.zeros((0, len(first), self._kernels.n)))]
         for k in range(1, len(course)):
@@ -157,13 +162,17 @@ class Roadmap:
             # Long self-motions are sampled more coarsely, not in part.
             self.spacing *= _COARSER
             q = self._thinned(q[:0], q, 0.5 * self.spacing)
-        while len(q) and self.spacing < SPACING:
-            # The sample is coarser than what bodies may leave.
+        # The sample may be coarser than what bodies leave.
+        return q if self.spacing >= SPACING else self._grown(q, self._most)
+
+    def _grown(self, q: Array, most: int) -> Array:
+        """The first layer's postures that some spread to along their self-motions."""
+        while len(q) and len(q) < most:
             more = self._beside(q, 0)
-            if not len(more) or len(q) + len(more) > self._most:
+            if not len(more):
                 break
             q = np.vstack([q, more])
-        return q
+        return q[:most]
 
     def _with(self, q: Array, posture: Array) -> tuple[Array, int]:
         """Postures with one that has to be among them, and its number."""
