@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from copose.paths.course import Course
-from copose.paths.drive import Driven
+from copose.paths.finishing import Finished
 from copose.paths.journey import Journey
 from copose.paths.obstruction import Obstruction
 from copose.paths.tracking import tracked
@@ -74,18 +74,13 @@ class Answer:
 
     def solved(
         self,
-        course: Course,
         journey: Journey,
-        q: Sequence[Array],
-        driven: Driven,
-        error: float,
-        distance: float | None,
-        duration: float,
+        found: Finished,
         search: PathSearchRecord,
     ) -> Motion:
-        """A motion by arm, (n, n_i), with its rates, its opening between knots, m or rad, and the
-        smallest distance of bodies there.
-        """
+        """A motion."""
+        course, duration, seen = found.course, found.duration, found.seen
+        q, driven = seen.q, seen.driven
         names = [arm.name for arm in self.machinery.cell.arms]
         knots, values = [], []
         notes: list[str] = []
@@ -121,8 +116,8 @@ class Answer:
             after=self._aggregate(values),
             time=vector(course.phases * duration),
             knots=tuple(knots),
-            between_knots_error=error,
-            collision=distance,
+            between_knots_error=seen.error,
+            collision=seen.distance,
             least_norm=tracking,
             search=search,
         )

@@ -88,6 +88,13 @@ class Lattice:
                 found.append(Found(each.nodes, each.worth + float(least)))
         return sorted(found, key=lambda each: -each.worth)
 
+    def worst_of(self, found: Found, weighed: Sequence[Array]) -> float:
+        """The least value on a route, less the cost of its moves; its worth is a sum of others."""
+        pairs = [tuple(pair) for pair in found.nodes]
+        total = sum(float(value[pair]) for value, pair in zip(weighed, pairs, strict=True))
+        least = min(float(value[pair]) for value, pair in zip(self.values, pairs, strict=True))
+        return least - (total - found.worth)
+
     def least_of_largest(self) -> float:
         """The least that the largest cost of a move on a route can be; ∞ where there is none."""
         B = np.where(np.isfinite(self.values[0]), 0.0, np.inf)

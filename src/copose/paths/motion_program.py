@@ -8,7 +8,6 @@ knots' other variables to them. All that is nonlinear is a knot's own; knots mee
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -16,6 +15,7 @@ import numpy as np
 
 from copose.paths.evaluation import Evaluated
 from copose.paths.knot_task import Form, KnotTask
+from copose.paths.linear_rows import Builder, LinearRows
 from copose.planning.program import IPOPT
 from copose.poses import Array, Indices
 
@@ -102,18 +102,6 @@ class Solved:
     status: str
     violated: tuple[str, int, float]
     multipliers: Multipliers
-
-
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """Linear rows: lower ≤ A x ≤ upper, by their entries."""
-
-    rows: Indices
-    columns: Indices
-    entries: Array
-    lower: Array
-    upper: Array
-    names: tuple[tuple[str, int], ...]
 
 
 def longest_step(count: int) -> float:
@@ -214,9 +202,9 @@ class _Run:
             row -= constraint.expression.numel()
         return "", k
 
-    def _linked(self) -> _Rows:
+    def _linked(self) -> LinearRows:
         """Speed limits, and what ties slopes, bends, levels and stretches of the knots."""
-        builder = _Builder(self._count, self._size)
+        builder = Builder(self._count, self._size)
         given, slices, N = self._given, self._task.slices, self._joints
         q = np.arange(N)
         limited = np.flatnonzero(np.isfinite(given.speeds))
@@ -374,56 +362,6 @@ class _Run:
         i, j = self._local
         every = np.concatenate([H[:, i, j].ravel(), np.full(N * (n - 1), -bend)])
         return [every[self._hessian_order]]
-
-
-class _Builder:
-    """Collects linear rows over the knots' variables."""
-
-    def __init__(self, count: int, size: int) -> None:
-        self._count, self._size, self._height = count, size, 0
-        self._parts: list[tuple[Indices, Indices, Array]] = []
-        self._lower: list[Array] = []
-        self._upper: list[Array] = []
-        self._names: list[tuple[str, int]] = []
-
-    def add(
-        self,
-        name: str,
-        knots: Sequence[int] | range,
-        terms: Sequence[tuple[int, Indices, Array | float]],
-        lower: Array | float,
-        upper: Array | float,
-    ) -> None:
-        """A row per knot and variable: Σ factor · (variable of the knot some knots on)."""
-        ks = np.array(knots, dtype=np.intp)[:, None]
-        many = len(terms[0][1])
-        rows = self._height + np.arange(ks.size * many)
-        for ahead, columns, factor in terms:
-            places = ((ks + ahead) * self._size + columns).ravel()
-            entries = np.tile(np.broadcast_to(factor, many), ks.size)
-            self._parts.append((rows, places, np.asarray(entries, dtype=float)))
-        self._lower.append(np.tile(np.broadcast_to(lower, many), ks.size))
-        self._upper.append(np.tile(np.broadcast_to(upper, many), ks.size))
-        self._names += [(name, int(k)) for k in ks.ravel() for _ in range(many)]
-        self._height += ks.size * many
-
-    def chain(self, name: str, part: slice) -> None:
-        """A variable is the same at all knots."""
-        one = np.array([part.start])
-        self.add(name, range(self._count - 1), [(1, one, 1.0), (0, one, -1.0)], 0.0, 0.0)
-
-    def rows(self) -> _Rows:
-        """All of them."""
-        nothing = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
-        parts = [nothing, *self._parts]
-        return _Rows(
-            np.concatenate([part[0] for part in parts]),
-            np.concatenate([part[1] for part in parts]),
-            np.concatenate([part[2] for part in parts]),
-            np.concatenate([np.zeros(0), *self._lower]),
-            np.concatenate([np.zeros(0), *self._upper]),
-            tuple(self._names),
-        )
 
 
 def _compressed(

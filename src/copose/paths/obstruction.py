@@ -130,12 +130,11 @@ def blocked(
 
 
 def too_fast(
-    machinery: Machinery, finder: Finder, course: Course, duration: float
-) -> Obstruction | None:
-    """That joints would have to be faster than they can be; None where they need not."""
-    least = finder.least_interval() * (len(course) - 1)
-    if least <= duration:
-        return None
+    machinery: Machinery, finder: Finder, course: Course, duration: float, least: float
+) -> Obstruction:
+    """That joints would have to be faster than they can be; the shortest motion found takes
+    ``least``, s.
+    """
     arm, joint, k = finder.slowest()
     name = machinery.cell.arms[arm]
     return Obstruction(
@@ -147,16 +146,14 @@ def too_fast(
 
 
 def program_failed(found: Shaped) -> Obstruction:
-    """How the program of the most promising route ended."""
+    """How the program of the most promising route ended: no proof that there is no motion."""
     name, knot, by = found.violated
     when = found.duration * knot / max(len(found.q) - 1, 1)
-    infeasible = found.status in ("Infeasible_Problem_Detected", "Collision")
-    gives = {"speed": "speed", "torques, over their limits": "torque"}.get(name)
-    cause = f" ({gives})" if gives is not None else ""
-    where = f"{when:.3g} s: {name} broken by {by:.2g}{cause}" if name else "it did not start"
+    where = f", {when:.3g} s: {name} broken by {by:.2g}" if name else ""
     return Obstruction(
-        "infeasible" if infeasible else "failed",
-        f"the program of the whole motion ended with {found.status}, {where}",
+        "failed",
+        "no route through the graph became a motion that keeps all constraints; the program of the "
+        f"most promising ended with {found.status}{where}",
     )
 
 

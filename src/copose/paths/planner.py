@@ -10,6 +10,7 @@ from copose import kernels
 from copose.errors import InputError
 from copose.paths.answering import Answer
 from copose.paths.drive import Drive
+from copose.paths.finishing import Finisher
 from copose.paths.journey import Journey
 from copose.paths.making import Ends, Making
 from copose.paths.obstruction import Obstruction
@@ -128,11 +129,13 @@ class PathPlanner:
             why = Obstruction("failed" if failed else "infeasible", reason)
             return answer.stopped(why, None)
         making = Making(
-            path=self.path,
-            journey=self.journey,
-            machinery=self._machinery,
-            shaper=self._shaper,
-            drive=self._drive,
+            finisher=Finisher(
+                path=self.path,
+                journey=self.journey,
+                machinery=self._machinery,
+                shaper=self._shaper,
+                drive=self._drive,
+            ),
             answer=answer,
             seed=self.problem.search.seed if seed is None else seed,
             progress=progress if progress is not None else _silent,

@@ -26,7 +26,7 @@ SPACING, _ALIKE = 0.2, 0.02
 _BESIDE, _ASLANT, _CARRIED = 1.7, 0.5, 1.0
 # Postures of a layer, with one degree of freedom to spare and with more, of how many they are first
 # chosen, and by how much spacings grow where there would be more.
-_MOST, _MOST_SURFACE, _DRAWN, _COARSER = 120, 140, 480, 1.25
+_MOST, _MOST_SURFACE, _DRAWN, _COARSER = 120, 200, 480, 1.25
 # How many times finer they are where bodies may be in the way.
 _FINER = 4
 # How many times more of them there may be around a posture to start from.
@@ -76,6 +76,7 @@ class Roadmap:
     Attributes:
         layers: one for each instant of the course, as far as there are postures.
         spacing: between postures along a self-motion, rad or m.
+        simple: whether it has no more than one degree of freedom to spare.
         held: of the first and the last layer, the number of the posture that it has to be; None
             where any serves.
     """
@@ -109,12 +110,13 @@ class Roadmap:
             [j.kind == "revolute" and not np.isfinite([j.lower, j.upper]).any() for j in arm.joints]
         )
         spare = self._kernels.n - self._kernels.m
-        self._most = _MOST if spare <= 1 else _MOST_SURFACE
+        self.simple = spare <= 1
+        self._most = _MOST if self.simple else _MOST_SURFACE
         # Bodies in the way may leave little of a self-motion.
         finer = 1 if machinery.clearance is None or spare > 1 else _FINER
         self.spacing, self._most = SPACING / finer, finer * self._most
         self.held: list[int | None] = [None, None]
-        if start is not None and spare <= 1:
+        if start is not None and self.simple:
             # What is on no curve with it can never be come to.
             first, self.held[0] = self._grown(start[None], _FROM_START * self._most), 0
         else:

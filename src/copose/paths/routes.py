@@ -22,7 +22,7 @@ _BESIDE = 1.3
 # The power of times of moves whose sum stands in for the largest.
 _PEAKED = 8
 # Random routes that exchange improves where there are more than two arms, and sweeps.
-_DRAWN, _SWEEPS, _GAIN = 4, 8, 1e-9
+_DRAWN, _SWEEPS, _GAIN = 8, 8, 1e-9
 # Combinations that a closed motion may begin with of which so many are tried, some rad or m apart.
 _BEGINNINGS, _BEGIN_APART = 8, 0.5
 
@@ -202,10 +202,15 @@ class Finder:
         return [Route(each.nodes[:, :K], each.worth) for each in found]
 
     def _aggregated(self, lattice: Lattice, most: int, far: Far | None = None) -> list[Found]:
-        if self._worth.aggregate == "worst":
-            return lattice.levelled(most, far)
         weighed = [values / self._count for values in lattice.values]
-        return Lattice(weighed, lattice.one, lattice.other).best(most, far)
+        mean = Lattice(weighed, lattice.one, lattice.other).best(most, far)
+        if self._worth.aggregate == "mean":
+            return mean
+        found = lattice.levelled(most, far)
+        if far is not None:
+            # What is good on average may be made good everywhere, and differs more.
+            found += [Found(each.nodes, lattice.worst_of(each, weighed)) for each in mean]
+        return found
 
     def _closed(self, lattice: Lattice) -> list[Route]:
         """Routes that end with the combination that they begin with, of the most promising."""

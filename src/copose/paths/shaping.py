@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from copose.capability.torque_limits import Demand
-from copose.paths.course import Course, bends, slopes
+from copose.paths.course import Course
 from copose.paths.drive import Drive
 from copose.paths.knot_task import Form, KnotTask
 from copose.paths.motion_program import MotionProgram, Multipliers, Solved, Task
+from copose.paths.starting import started, values_at
 from copose.planning.capacity import HELD, Capacity
 from copose.planning.clearance import Apart, Near, Slot
 from copose.planning.limits_measures import LimitsMeasure
@@ -204,6 +205,11 @@ class Shaper:
         return self._exchanged(case, q)
 
     @property
+    def forceful(self) -> bool:
+        """Whether torques or accelerations have to keep limits."""
+        return self._rates or self._machinery.static
+
+    @property
     def kinked(self) -> bool:
         """Whether the objective has kinks where it is largest."""
         objective = self._machinery.objective
@@ -246,7 +252,7 @@ class Shaper:
             found = self._exchanged(case, found.q, found.multipliers)
         if self._used(course, found).within:
             return found
-        return replace(found, converged=False, status="Limits_Not_Kept", violated=("speed", 0, 0.0))
+        return replace(found, converged=False, status="Limits_Not_Kept", violated=("", 0, 0.0))
 
     def _case(self, course: Course, wanted: Wanted, *, shortest: bool = False) -> _Case:
         every, form = np.ones(len(course)), self._form(shortest=shortest)
@@ -328,7 +334,9 @@ class Shaper:
         machinery, course, wanted = self._machinery, case.course, case.wanted
         slots = machinery.slots(settings[0], near)
         task = self.task(case.form, slots)
-        start = self._start(task, case, q, demands)
+        start = started(
+            machinery, self._drive, task, course, q, wanted.duration, demands, case.slack
+        )
         if not np.all(np.isfinite(start)):
             return Shaped(q, wanted.duration, False, "Singular_Start", ("", 0, np.inf))
         inertial = self._drive.inertial(course)
@@ -389,76 +397,9 @@ class Shaper:
             return objective.numbers(demands)
         return setting.numbers
 
-    def _start(
-        self,
-        task: KnotTask,
-        case: _Case,
-        q: Array,
-        demands: list[tuple[Demand, ...]] | None,
-    ) -> Array:
-        """Where every variable of a program starts."""
-        machinery, course = self._machinery, case.course
-        # Parts that a program has, and that are not empty.
-        slices = {name: part for name, part in task.slices.items() if part.stop > part.start}
-        n = len(course)
-        y = np.zeros((n, task.size))
-        y[:, slices["q"]] = q
-        for k, setting in enumerate(course.settings):
-            parts, here = machinery.split(q[k][None]), q[k][None]
-            if "beside" in slices:
-                wanted = demands and [demands[k]]
-                y[k, slices["beside"]] = self._beside(setting, here, wanted, case.slack)
-            if "hold" in slices:
-                assert machinery.capacity is not None and setting.holding is not None
-                dynamics = machinery.capacity.dynamics(setting.holding, parts)
-                y[k, slices["hold"]] = dynamics.resting(setting.holding.hold)[0]
-        if "slopes" in slices:
-            step = 1.0 / (n - 1)
-            y[:, slices["slopes"]] = slopes(q, step)
-            y[:, slices["bends"]] = bends(q, step)
-        if "wrenches" in slices:
-            y[:, slices["wrenches"]] = self._drive.wrenches(
-                course, machinery.split(q), case.wanted.duration
-            )
-        if "level" in slices:
-            values = self.values(course, q)
-            y[:, slices["level"]] = values.min() - 0.01 * (1 + abs(values.min()))
-        if "stretch" in slices:
-            y[:, slices["stretch"]] = 1.0
-        return y
-
-    def _beside(
-        self,
-        setting: Setting,
-        q: Array,
-        demands: Sequence[Sequence[Demand]] | None,
-        slack: float,
-    ) -> Array:
-        """Where what the objective adds starts at a posture, (1, N)."""
-        machinery, objective = self._machinery, setting.objective
-        if isinstance(objective, EllipsoidMeasure):
-            grams = machinery.grams(setting, machinery.split(q))
-            assert grams is not None
-            if not np.all(np.isfinite(grams)):
-                return np.full(1, np.nan)
-            return objective.extra_start(grams[0], slack)
-        assert isinstance(objective, LimitsMeasure) and machinery.capacity is not None
-        assert setting.holding is not None and demands is not None
-        parts = machinery.split(q)
-        starts = objective.starts(machinery.capacity, setting.holding, parts, demands)
-        return np.asarray(starts[0])
-
-    def values(self, course: Course, q: Array) -> Array:
-        """The objective at every knot; NaN or −∞ where there is none, (n,)."""
-        found = [
-            self._machinery.objectives(setting, here[None])[0]
-            for setting, here in zip(course.settings, q, strict=True)
-        ]
-        return np.array(found)
-
     def worth(self, course: Course, q: Array, duration: float) -> tuple[float, float]:
         """The aggregate of a motion and S."""
-        values = self.values(course, q)
+        values = values_at(self._machinery, course, q)
         aggregate = float(values.min() if self._worst else values.mean())
         rates = np.diff(q, axis=0) * (len(q) - 1) / duration
         return aggregate, float((rates**2).mean())

@@ -1,0 +1,167 @@
+"""From the motion of a route to the one that is reported: as many knots as it takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from copose.paths.checking import between_bodies
+from copose.paths.course import Course, interpolated, uniform
+from copose.paths.drive import Drive, Driven
+from copose.paths.interpolation import closed_at, opening
+from copose.paths.journey import Journey
+from copose.paths.motion_program import longest_step
+from copose.paths.obstruction import Obstruction, opens, program_failed
+from copose.paths.shaping import Shaped, Shaper, Wanted
+from copose.planning.machinery import Machinery
+from copose.poses import Array
+from copose.problem import PathSpec
+
+_MOST_KNOTS = 4000
+# By how much a motion lasts longer than the shortest, relative.
+_LONGER = 1e-3
+# Where the chain opens by so many times the tolerance knots are added twice.
+_TWICE = 5.0
+# Steps that are less than such a part of the longest that a program allows are not held back by it;
+# how many times more knots than were asked for, or than such a number, are enough where they are;
+# and are tried where a program fails.
+_SHORT, _ENOUGH, _FEW, _REFINED = 0.99, 3, 25, 5
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A motion as it is reported.
+
+    Attributes:
+        q: joints by arm, (n, n_i), closed.
+        driven: its rates.
+        error: the largest opening of the chain between knots, m or rad.
+        distance: the smallest of bodies there, m; None where none is kept.
+        fine: whether it needs no more knots.
+    """
+
+    q: list[Array]
+    driven: Driven
+    error: float
+    distance: float | None
+    fine: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """A motion that keeps everything.
+
+    Attributes:
+        course: at its knots.
+        seen: itself.
+        duration: s.
+        value: aggregate − smoothness · S.
+    """
+
+    course: Course
+    seen: Seen
+    duration: float
+    value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Finisher:
+    """Makes motions of a cell along a journey.
+
+    Attributes:
+        path: what is asked.
+        journey: the object's.
+        machinery: what searches and measures postures.
+        shaper: builds and solves programs.
+        drive: computes rates and torques.
+    """
+
+    path: PathSpec
+    journey: Journey
+    machinery: Machinery
+    shaper: Shaper
+    drive: Drive
+
+    @property
+    def shortest(self) -> bool:
+        """Whether the smallest duration is sought."""
+        return self.path.duration == "shortest"
+
+    def course(self, count: int) -> Course:
+        """The journey at so many knots, uniform in time."""
+        return Course.of(self.machinery, self.journey, uniform(count))
+
+    def closed(self, q: Array, course: Course) -> Array:
+        """A motion closed at every knot, as far as it can be."""
+        parts = self.machinery.split(q)
+        return np.hstack(closed_at(self.machinery, self.journey, parts, course.phases))
+
+    def value(self, course: Course, q: Array, duration: float) -> float:
+        """Aggregate − smoothness · S of a motion, (n, N)."""
+        aggregate, S = self.shaper.worth(course, q, duration)
+        return aggregate - self.path.smoothness * S
+
+    def shaped(
+        self,
+        course: Course,
+        q: Array,
+        wanted: Wanted,
+        *,
+        near: bool = False,
+        roughly: bool = False,
+    ) -> Shaped:
+        """The best motion near one, see `Shaper.shaped`, in the shortest time if that is sought."""
+        if self.shortest:
+            quick = self.shaper.shortest(course, q, wanted)
+            if not quick.converged:
+                return quick
+            q, wanted = quick.q, replace(wanted, duration=quick.duration * (1 + _LONGER))
+        return self.shaper.shaped(course, q, wanted, near=near, roughly=roughly)
+
+    def finished(self, best: Shaped, wanted: Wanted) -> Finished | Obstruction:
+        """With as many knots as are asked for, and as closure between them needs.
+
+        Args:
+            best: a motion with any number of knots.
+            wanted: what it has to keep.
+        """
+        count = self.path.knots
+        while True:
+            course, found = self.course(count), best
+            if count != len(best.q) or self.shaper.kinked:
+                straight = interpolated(uniform(len(best.q)), best.q, course.phases)
+                found = self.shaped(course, self.closed(straight, course), wanted, near=True)
+            seen = self._seen(course, found)
+            if found.converged and seen.fine:
+                here = replace(wanted, duration=found.duration)
+                found = self.shaper.kept(course, found, here, longer=self.shortest)
+                seen = self._seen(course, found)
+                if found.converged and seen.fine:
+                    break
+            if 2 * count - 1 > _MOST_KNOTS:
+                return program_failed(found) if not found.converged else opens(seen.error, count)
+            count = 2 * count - 1
+            if found.converged and seen.error > _TWICE * self.path.tolerance:
+                count = 2 * count - 1
+            if found.converged and len(found.q) >= len(best.q):
+                # Fewer knots would be a worse start than the route's own motion.
+                best, wanted = found, replace(wanted, duration=found.duration)
+            elif not found.converged and count > _REFINED * max(self.path.knots, len(best.q)):
+                return program_failed(found)
+        value = self.value(course, np.hstack(seen.q), found.duration)
+        return Finished(course, seen, found.duration, value)
+
+    def _seen(self, course: Course, found: Shaped) -> Seen:
+        machinery, duration = self.machinery, found.duration
+        q = machinery.split(self.closed(found.q, course))
+        driven = self.drive.driven(course, q, duration)
+        error = opening(machinery, self.journey, q, driven.velocities, duration)
+        step = float(np.abs(np.diff(np.hstack(q), axis=0)).max())
+        held_back = step > _SHORT * longest_step(len(course))
+        fine = error <= self.path.tolerance
+        fine &= not held_back or len(course) > _ENOUGH * max(self.path.knots, _FEW)
+        if not fine:
+            return Seen(q, driven, error, None, fine)
+        hit = between_bodies(machinery, self.journey, q, driven.velocities, duration)
+        return Seen(q, driven, error, hit.distance, not hit.too_near)

@@ -1,0 +1,98 @@
+"""Where the variables of a motion's program start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from copose.capability.torque_limits import Demand
+from copose.paths.course import Course, bends, slopes
+from copose.paths.drive import Drive
+from copose.paths.knot_task import KnotTask
+from copose.planning.limits_measures import LimitsMeasure
+from copose.planning.machinery import Machinery, Setting
+from copose.planning.objectives import EllipsoidMeasure
+from copose.poses import Array
+
+# How far below the least objective its level starts, relative.
+_BELOW = 0.01
+
+
+def started(
+    machinery: Machinery,
+    drive: Drive,
+    task: KnotTask,
+    course: Course,
+    q: Array,
+    duration: float,
+    demands: Sequence[Sequence[Demand]] | None,
+    slack: float,
+) -> Array:
+    """All variables of every knot of a closed motion, (n, ny); not finite where one has no start.
+
+    Args:
+        machinery: what is built.
+        drive: computes wrenches.
+        task: what the program holds at a knot.
+        course: at the knots.
+        q: the motion, (n, N).
+        duration: s.
+        demands: of an objective that torque limits decide, by knot.
+        slack: how wide the bounds of an objective with kinks are.
+    """
+    # Parts that a program has, and that are not empty.
+    slices = {name: part for name, part in task.slices.items() if part.stop > part.start}
+    n = len(course)
+    y = np.zeros((n, task.size))
+    y[:, slices["q"]] = q
+    for k, setting in enumerate(course.settings):
+        here = q[k][None]
+        if "beside" in slices:
+            wanted = None if demands is None else demands[k]
+            y[k, slices["beside"]] = _beside(machinery, setting, here, wanted, slack)
+        if "hold" in slices:
+            assert machinery.capacity is not None and setting.holding is not None
+            dynamics = machinery.capacity.dynamics(setting.holding, machinery.split(here))
+            y[k, slices["hold"]] = dynamics.resting(setting.holding.hold)[0]
+    if "slopes" in slices:
+        y[:, slices["slopes"]] = slopes(q, 1.0 / (n - 1))
+        y[:, slices["bends"]] = bends(q, 1.0 / (n - 1))
+    if "wrenches" in slices:
+        y[:, slices["wrenches"]] = drive.wrenches(course, machinery.split(q), duration)
+    if "level" in slices:
+        least = values_at(machinery, course, q).min()
+        y[:, slices["level"]] = least - _BELOW * (1 + abs(least))
+    if "stretch" in slices:
+        y[:, slices["stretch"]] = 1.0
+    return y
+
+
+def values_at(machinery: Machinery, course: Course, q: Array) -> Array:
+    """The objective at every knot of a motion, (n, N); NaN or −∞ where there is none, (n,)."""
+    found = [
+        machinery.objectives(setting, here[None])[0]
+        for setting, here in zip(course.settings, q, strict=True)
+    ]
+    return np.array(found)
+
+
+def _beside(
+    machinery: Machinery,
+    setting: Setting,
+    q: Array,
+    demands: Sequence[Demand] | None,
+    slack: float,
+) -> Array:
+    """What the objective adds, at a posture, (1, N)."""
+    objective = setting.objective
+    if isinstance(objective, EllipsoidMeasure):
+        grams = machinery.grams(setting, machinery.split(q))
+        assert grams is not None
+        if not np.all(np.isfinite(grams)):
+            return np.full(1, np.nan)
+        return objective.extra_start(grams[0], slack)
+    assert isinstance(objective, LimitsMeasure) and machinery.capacity is not None
+    assert setting.holding is not None and demands is not None
+    parts = machinery.split(q)
+    return np.asarray(objective.starts(machinery.capacity, setting.holding, parts, [demands])[0])
