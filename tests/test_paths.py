@@ -11,9 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import copose
-from cells import planar, toml, two_pandas
+from cells import planar, tables, toml, two_pandas
 from copose.cli import main
+from copose.paths.course import Course
+from copose.paths.journey import Journey
 from copose.paths.lattice import Lattice
+from copose.paths.roadmap import SPACING, Roadmap
+from copose.planning.cell import Cell
+from copose.planning.machinery import Machinery
 from path_problems import GRAVITY, along, carried, hinged, single_hinged
 
 STILL = {"timing": None}
@@ -74,6 +79,14 @@ def test_any_seed_finds_the_shortest_motion() -> None:
     cell = limited(hinged(duration="shortest"), velocity_limits=[1.0, 1.5, 2.0])
     durations = [planned(cell, seed=seed).duration for seed in range(4)]
     assert np.ptp(durations) < 2e-3 * min(durations)
+
+
+def test_the_shortest_motion_of_two_pandas_is_at_a_speed_limit() -> None:
+    motion = planned(carried(25, duration="shortest"))
+    speeds = np.array([j.velocity for joints in motion.limits.values() for j in joints])
+    steps = np.abs(np.diff(joints(motion), axis=0)) / np.diff(motion.time)[:, None]
+    assert 0.98 < (steps / speeds).max() <= 1 + 1e-9
+    assert 0.98 < (np.abs(rates(motion, "velocity")) / speeds).max() <= 1 + 1e-9
 
 
 def test_shortest_asks_for_speed_limits() -> None:
@@ -192,6 +205,47 @@ def test_what_is_infeasible_says_where(cell: dict, expected: str) -> None:
     motion = stopped(cell)
     assert motion.status == "infeasible"
     assert re.search(expected, motion.reason), motion.reason
+
+
+def test_a_motion_needs_no_freedom_and_no_cases_without_a_path_either() -> None:
+    cell = planar()
+    cell["object"]["freedom"] = {"x": [-0.1, 0.1]}
+    with pytest.raises(copose.InputError, match="freedom: and a motion exclude each other"):
+        copose.plan(copose.parse(cell))
+    with pytest.raises(copose.InputError, match="cases: and a motion exclude each other"):
+        copose.plan(copose.parse(planar() | {"cases": [{"name": "a"}]}))
+
+
+def test_what_a_program_cannot_do_is_not_called_infeasible() -> None:
+    cell = limited(hinged(), torque_limits=[2.0, 2.0, 2.0])
+    cell["constraints"] = {"dynamic_torque": True}
+    motion = stopped(cell)
+    assert motion.status == "failed" and "keeps all constraints" in motion.reason
+
+
+def test_a_start_on_long_self_motions_is_followed() -> None:
+    # Joints of two turns: all their self-motions together are too long to sample finely.
+    cell = tables("xarm-bar")
+    cell["path"] = {"waypoints": [{}, {}]}
+    problem = copose.parse(cell)
+    machinery = Machinery(Cell.of(problem))
+    course = Course.of(machinery, Journey.of(problem), np.linspace(0, 1, 61))
+    for i in range(2):
+        sample = Roadmap(machinery, course, i, 0, None, None, returns=False)
+        start = sample.layers[0].q[0]
+        roadmap = Roadmap(machinery, course, i, 0, start, None, returns=False)
+        assert sample.spacing > SPACING and roadmap.spacing == SPACING
+        # The object stays: what can be come to in the end is all that the curve is sampled by.
+        assert roadmap.reached()[-1].all() and len(roadmap.layers[-1].q) > 20
+
+
+def test_a_motion_is_no_posture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "p.toml"
+    file.write_text(toml(hinged(knots=10)))
+    assert main(["path", str(file), "-o", str(tmp_path), "--quiet"]) == 0
+    result = str(tmp_path / "result.json")
+    assert main(["evaluate", str(file), "--joints", result, "-o", str(tmp_path / "e")]) == 2
+    assert "is a motion, of copose path; a posture's result is needed" in capsys.readouterr().err
 
 
 def test_freedom_and_cases_are_refused() -> None:

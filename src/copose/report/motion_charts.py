@@ -180,4 +180,6 @@ def _legend_above(ax: Axes) -> None:
 
 def _inches(ax: Axes) -> float:
     """How wide it is."""
-    return ax.get_window_extent().width / ax.get_figure().dpi  # type: ignore[union-attr]
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    return float(ax.get_window_extent().width / figure.dpi)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
+import io
 from typing import Any
 
 import numpy as np
-from matplotlib.animation import PillowWriter
 from matplotlib.figure import Figure
+from PIL import Image
 
 from copose.report import legends, style
 from copose.report.motion_charts import draw_objective
@@ -50,20 +49,21 @@ def film(motion: Motion) -> bytes:
     still = set(ax.get_children())
     scene.posture(ax, 0)
     scene.legend(figure, ax, _LEFT, 1 - 0.4 / _SIZE[1], columns)
-    writer = PillowWriter(fps=rate)  # type: ignore[arg-type]
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "film.gif"
-        with writer.saving(figure, str(file), _DPI):
-            for k in ks:
-                _clear(ax, still)
-                scene.posture(ax, k)
-                value = motion.knots[k].objective
-                line.set_xdata([time[k], time[k]])
-                marker.set_data([time[k]], [np.nan if value is None else value])
-                writer.grab_frame()
-            for _ in range(round(_REST * rate)):
-                writer.grab_frame()
-        return file.read_bytes()
+    frames, size = [], (round(_SIZE[0] * _DPI), round(_SIZE[1] * _DPI))
+    for k in ks:
+        _clear(ax, still)
+        scene.posture(ax, k)
+        value = motion.knots[k].objective
+        line.set_xdata([time[k], time[k]])
+        marker.set_data([time[k]], [np.nan if value is None else value])
+        pixels = io.BytesIO()
+        figure.savefig(pixels, format="rgba", dpi=_DPI)
+        frames.append(Image.frombytes("RGBA", size, pixels.getvalue()).convert("RGB"))
+    shown = [round(1000 / rate)] * len(frames)
+    shown[-1] += round(1000 * _REST)
+    film = io.BytesIO()
+    frames[0].save(film, "GIF", save_all=True, append_images=frames[1:], duration=shown, loop=0)
+    return film.getvalue()
 
 
 def _clear(ax: Any, still: set[Any]) -> None:

@@ -48,10 +48,22 @@ def _read(path: str | Path, model: type[_Result]) -> _Result:
     try:
         return model.model_validate_json(text)
     except ValidationError as error:
+        if model is Solution and _is(text, Motion):
+            raise InputError(
+                "is a motion, of copose path; a posture's result is needed", file=file
+            ) from None
         first = error.errors(include_url=False, include_input=False)[0]
         key = ".".join(str(part) for part in first["loc"])
         why = ": ".join(part for part in (key, first["msg"]) if part)
         raise InputError(f"is no copose result ({why})", file=file) from None
+
+
+def _is(text: str, model: type[Motion]) -> bool:
+    try:
+        model.model_validate_json(text)
+    except ValidationError:
+        return False
+    return True
 
 
 def write_file(path: Path, content: bytes) -> None:
