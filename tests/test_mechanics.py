@@ -76,12 +76,17 @@ def test_pinocchio_agrees(name: str, dressed: bool) -> None:
     faster, h = ca.SX.sym("faster", len(free)), ca.SX.sym("h", 6)
     fall = arms[0].base.rotation.T @ gravity
     rest = ca.Function("rest", [mechanics.q, faster, h], [*mechanics.driven(faster, fall, h)])
+    rates = ca.SX.sym("rates", len(free))
+    parts = [*mechanics.driven(faster, fall, h, rates)]
+    moving = ca.Function("moving", [mechanics.q, faster, h, rates], parts)
     truth = UrdfArm(table, free)
     rng = np.random.default_rng(3)
     for _ in range(20):
         q = rng.uniform(np.fmax(arms[0].lower, -np.pi), np.fmin(arms[0].upper, np.pi))
         tip, J, M, g = truth.at(q, gravity)
         qdd, wrench = rng.normal(size=len(q)), rng.normal(size=6)
+        speed = rng.normal(size=len(q))
+        bias, lag = truth.in_motion(q, speed, gravity)
         R_root = np.kron(np.eye(2), arms[0].base.rotation)
         p, R, quaternion, J_ours, M_ours, g_ours = (np.array(x) for x in function(q))
         w, x, y, z = quaternion.ravel()
@@ -102,6 +107,10 @@ def test_pinocchio_agrees(name: str, dressed: bool) -> None:
             *zip(
                 (np.array(x).ravel() for x in rest(q, qdd, R_root.T @ wrench)),
                 (M @ qdd + g + J.T @ wrench, R_root.T @ J @ qdd), strict=True,
+            ),
+            *zip(
+                (np.array(x).ravel() for x in moving(q, qdd, R_root.T @ wrench, speed)),
+                (M @ qdd + bias + J.T @ wrench, R_root.T @ (J @ qdd + lag)), strict=True,
             ),
         ]:  # fmt: skip
             assert np.abs(ours - theirs).max() <= 1e-12 * max(np.abs(theirs).max(), 1.0)

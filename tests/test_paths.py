@@ -13,12 +13,14 @@ from hypothesis import strategies as st
 import copose
 from cells import planar, tables, toml, two_pandas
 from copose.cli import main
+from copose.paths.checking import between_bodies
 from copose.paths.course import Course
 from copose.paths.journey import Journey
 from copose.paths.lattice import Lattice
 from copose.paths.roadmap import SPACING, Roadmap
 from copose.planning.cell import Cell
 from copose.planning.machinery import Machinery
+from object_path import ObjectPath
 from path_problems import GRAVITY, along, carried, hinged, single_hinged
 
 STILL = {"timing": None}
@@ -256,6 +258,49 @@ def test_freedom_and_cases_are_refused() -> None:
     cell = hinged() | {"cases": [{"name": "a"}]}
     with pytest.raises(copose.InputError, match="path: and cases exclude each other"):
         copose.parse(cell)
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 10**6), st.booleans())
+def test_the_object_goes_where_the_law_says(seed: int, flat: bool) -> None:
+    rng = np.random.default_rng(seed)
+    cell = planar() if flat else two_pandas()
+    waypoints = []
+    for _ in range(int(rng.integers(2, 5))):
+        whole = {"position": rng.uniform(-1, 1, 2 if flat else 3).tolist()}
+        whole |= {"angle": rng.uniform(-6, 6)} if flat else {"rpy": rng.uniform(-3, 3, 3).tolist()}
+        # What a waypoint leaves out is the previous one's.
+        waypoints.append({key: value for key, value in whole.items() if rng.random() < 0.8})
+    cell["path"] = {"waypoints": waypoints, "duration": 1.0}
+    journey, law = Journey.of(copose.parse(cell)), ObjectPath(cell)
+    phases = rng.uniform(0, 1, 20)
+    positions, quaternions = journey.places(phases)
+    for phase, position, quaternion in zip(phases, positions, quaternions, strict=True):
+        ours, theirs = journey.at(phase), law.at(phase)
+        assert ours.pose.position == pytest.approx(theirs.position, abs=1e-9)
+        assert ours.pose.rotation == pytest.approx(theirs.rotation, abs=1e-9)
+        rate, bend = np.split(ours.velocity, 2), np.split(ours.acceleration, 2)
+        assert rate[0] == pytest.approx(theirs.velocity, abs=1e-7)
+        assert rate[1] == pytest.approx(theirs.omega, abs=1e-7)
+        assert bend[0] == pytest.approx(theirs.acceleration, abs=1e-6)
+        assert bend[1] == pytest.approx(theirs.alpha, abs=1e-6)
+        assert position == pytest.approx(theirs.position, abs=1e-9)
+        assert abs(quaternion @ ours.pose.quaternion) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_what_comes_too_near_between_knots_is_seen() -> None:
+    cell = hinged()
+    motion = planned(cell)
+    q = joints(motion)
+    elbow = np.array(motion.knots[12].arms["a1"].skeleton)[1, :2]
+    post = {"name": "post", "shape": {"kind": "disk", "radius": 0.01}, "position": elbow.tolist()}
+    for collision, expected in ((False, None), (True, True)):
+        cell |= {"obstacles": [post], "constraints": {"collision": collision}}
+        problem = copose.parse(cell)
+        machinery, journey = Machinery(Cell.of(problem)), Journey.of(problem)
+        found = between_bodies(machinery, journey, machinery.split(q), machinery.split(0 * q), 2.0)
+        assert (found.distance is None) == (expected is None)
+        assert found.too_near == bool(expected)
 
 
 def test_bodies_keep_their_clearance_along_the_way() -> None:
