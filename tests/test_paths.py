@@ -18,6 +18,7 @@ from copose.paths.course import Course
 from copose.paths.journey import Journey
 from copose.paths.lattice import Lattice
 from copose.paths.roadmap import SPACING, Roadmap
+from copose.paths.tracking import Tracked, tracked
 from copose.planning.cell import Cell
 from copose.planning.machinery import Machinery
 from object_path import ObjectPath
@@ -286,6 +287,31 @@ def test_the_object_goes_where_the_law_says(seed: int, flat: bool) -> None:
         assert bend[1] == pytest.approx(theirs.alpha, abs=1e-6)
         assert position == pytest.approx(theirs.position, abs=1e-9)
         assert abs(quaternion @ ours.pose.quaternion) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_least_norm_tracking_stops_at_either_limit_and_where_it_is_too_fast() -> None:
+    cell = single_hinged()
+    journey, first = Journey.of(copose.parse(cell)), joints(planned(cell))[0]
+
+    def follow(**limits: object) -> Tracked:
+        problem = copose.parse(limited(single_hinged(), **limits))
+        return tracked(Machinery(Cell.of(problem)), journey, [first], 25, 2.0)
+
+    free = follow()
+    assert free.reason is None and len(free.q) == 25
+    low, high = free.q.min(axis=0), free.q.max(axis=0)
+    for j in range(3):
+        for side, sign in ((0, 1), (1, -1)):
+            bounds = np.column_stack([low - 0.1, high + 0.1])
+            bounds[j, side] = (low, high)[side][j] + sign * 0.2 * (high - low)[j]
+            # Where the first posture is at that end there is no start.
+            if sign * (first[j] - bounds[j, side]) <= 0:
+                continue
+            found = follow(position_limits=bounds.tolist())
+            assert f"'joint{j + 1}' beyond its limits" in found.reason
+            assert np.all((found.q >= bounds[:, 0] - 1e-6) & (found.q <= bounds[:, 1] + 1e-6))
+    fastest = np.abs(np.diff(free.q, axis=0)).max() * 24 / 2.0
+    assert "faster than it can be" in follow(velocity_limits=[float(0.9 * fastest)] * 3).reason
 
 
 def test_what_comes_too_near_between_knots_is_seen() -> None:
