@@ -131,7 +131,14 @@ class Dynamics:
 
     def taken(self, rows: Indices) -> Dynamics:
         """Some of the postures, in some order."""
-        M, J, g = (tuple(part[rows] for part in parts) for parts in (self.M, self.J, self.g))
+        return self.combined([rows] * len(self.M))
+
+    def combined(self, rows: Sequence[Indices]) -> Dynamics:
+        """Postures put together from the arms' own, by their numbers."""
+        M, J, g = (
+            tuple(part[mine] for part, mine in zip(parts, rows, strict=True))
+            for parts in (self.M, self.J, self.g)
+        )
         return replace(self, M=M, J=J, g=g)
 
     def farthest(self, demand: Demand) -> Array:
@@ -143,9 +150,28 @@ class Dynamics:
         return x[:, 0]
 
     def shares(self, demand: Demand) -> Array:
-        """The largest |τ|/T at its least, at t = 0, (count,)."""
+        """The largest |τ|/T at its least, at t = 0, (count,).
+
+        NaN where contacts cannot exert such loads by any torques.
+        """
         x, _ = maximise_first(*self._shared(demand))
-        return np.asarray(-x[:, 0])
+        return np.where(self._exertable(demand), -x[:, 0], np.nan)
+
+    def quick_shares(self, demand: Demand) -> Array:
+        """What `shares` is at most, by torques of least ‖T⁻¹τ‖, (count,); ∞ where wrenches that go
+        with them break their own limits.
+        """
+        speeding, wrenches = self._maps(demand)
+        torques = self._torques(speeding, wrenches)
+        free, fixed = torques[:, :, 2:], torques[:, :, :1]
+        normal = free.swapaxes(1, 2) @ free
+        size = np.trace(normal, axis1=1, axis2=2)[:, None, None]
+        normal += (_RANK * size + np.finfo(float).tiny) * np.eye(free.shape[2])
+        x = _solved(normal, -free.swapaxes(1, 2) @ fixed)
+        share = np.abs(fixed + free @ x)[:, :, 0].max(axis=1)
+        held = self.bounds.matrix @ (wrenches[:, :, :1] + wrenches[:, :, 2:] @ x)
+        sound = self._exertable(demand) & (held[:, :, 0] <= self.bounds.bound).all(axis=1)
+        return np.where(sound, share, np.inf)
 
     def inside(self, demand: Demand, part: float) -> tuple[Array, Array, Array]:
         """T, q̈ and h of a demand met with a part of the torque limits: a place to start from.
@@ -164,6 +190,14 @@ class Dynamics:
         _, wrenches = self._maps(demand)
         given = np.concatenate([np.ones((len(x), 1)), 0 * x[:, :1], x[:, 1:]], axis=1)[:, :, None]
         return np.asarray((wrenches @ given)[:, :, 0])
+
+    def resting_torques(self, demand: Demand) -> Array:
+        """Torques of the hold whose largest share is smallest, stacked, (count, N)."""
+        h = np.split(self.resting(demand), len(self.M), axis=1)
+        parts = zip(self.g, self.J, h, strict=True)
+        return np.hstack(
+            [g + (J.swapaxes(1, 2) @ mine[:, :, None])[:, :, 0] for g, J, mine in parts]
+        )
 
     def _maps(self, demand: Demand) -> tuple[Array, Array]:
         """q̈, (count, N, 2 + d), and h, (count, Km, 2 + d), as linear in (1, t, d free numbers)."""

@@ -8,17 +8,15 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from copose.capability.torque_limits import Demand, Dynamics
 from copose.kernels import Kernel
 from copose.paths.course import Course, bends, slopes, spline_slopes
 from copose.paths.interpolation import closing_slopes, goals, hermite, within_speeds
 from copose.paths.journey import Journey
-from copose.planning.capacity import HELD, Capacity
+from copose.paths.torques import Carrying, Torques, turn
+from copose.planning.capacity import Capacity
 from copose.planning.machinery import Machinery
-from copose.poses import Array, Pose
+from copose.poses import Array
 
-# Relative; beyond it no wrenches of the contacts carry the object.
-_CARRIED = 1e-9
 # The part of the tolerance from which on slopes are bent to close.
 _PART = 0.3
 # Steps back within speed limits, and how far inside they aim.
@@ -33,13 +31,13 @@ class Driven:
         velocities: rad/s or m/s, with J q̇ the contact's velocity.
         accelerations: alike, with J q̈ + J̇ q̇ the contact's acceleration.
         torques: N·m or N; None where no contact wrenches carry the object.
-        share: the largest |τ|/T at its least, by knot, (n,); None where that is not asked.
+        shares: |τ|/T of torques whose largest is smallest, (n, N); None where that is not asked.
     """
 
     velocities: tuple[Array, ...]
     accelerations: tuple[Array, ...]
     torques: tuple[Array, ...] | None
-    share: Array | None
+    shares: Array | None
 
 
 class Drive:
@@ -63,6 +61,7 @@ class Drive:
         if cell.problem.constraints.dynamic_torque and self.capacity is None:
             assert cell.torque_limits is not None
             self.capacity = Capacity(cell, cell.torque_limits)
+        self._torques = Torques(cell, self.capacity)
         gravity = ca.SX(ca.DM(cell.system.gravity))
         self._kernels = []
         for arm in cell.system.arms:
@@ -95,7 +94,7 @@ class Drive:
             duration: s.
         """
         step = duration / (len(course) - 1)
-        velocities, accelerations, inertias, jacobians, biases = [], [], [], [], []
+        velocities, accelerations, jacobians, biases = [], [], [], []
         for i, (kernel, mine) in enumerate(zip(self._kernels, q, strict=True)):
             J, _, _, _ = self._parts(kernel, mine, np.zeros_like(mine))
             contact = course.velocities[i] / duration
@@ -104,20 +103,19 @@ class Drive:
             contact = course.accelerations[i] / duration**2 - bend
             velocities.append(rate)
             accelerations.append(_nearest(J, bends(mine, step), contact))
-            inertias.append(M)
             jacobians.append(J)
             biases.append((M @ accelerations[-1][:, :, None])[:, :, 0] + bias)
-        load = self.loads(course, duration)
-        found = self._least(course, load, jacobians, biases)
+        asked = Carrying(course, self._torques.loads(course, duration), jacobians, biases)
+        found = self._torques.least(asked)
         if found is None:
             return Driven(tuple(velocities), tuple(accelerations), None, None)
         torques, _ = found
-        share = None
+        shares = None
         if self._cell.problem.constraints.dynamic_torque:
-            torques, share = self._limited(course, load, jacobians, biases, torques)
+            torques, shares = self._torques.limited(asked, torques)
         edges = np.cumsum([mine.shape[1] for mine in q])[:-1]
         torque = tuple(np.split(torques, edges, axis=1))
-        return Driven(tuple(velocities), tuple(accelerations), torque, share)
+        return Driven(tuple(velocities), tuple(accelerations), torque, shares)
 
     def _rates(self, i: int, J: Array, q: Array, step: float, contact: Array) -> Array:
         """Slopes of the spline through the knots, on the chain and, if they can, within limits."""
@@ -149,12 +147,17 @@ class Drive:
             J, _, M, bias = self._parts(kernel, mine, slopes(mine, step))
             jacobians.append(J)
             biases.append((M @ bends(mine, step)[:, :, None])[:, :, 0] + bias)
-        found = self._least(course, self.loads(course, duration), jacobians, biases)
+        asked = Carrying(course, self._torques.loads(course, duration), jacobians, biases)
+        found = self._torques.least(asked)
         if found is None:
             return np.full((len(course), len(q) * space.m), np.nan)
         parts = np.split(found[1], len(q), axis=1)
-        turns = [_turn(arm.base, space.rows) for arm in self._cell.arms]
-        return np.hstack([part @ turn for part, turn in zip(parts, turns, strict=True)])
+        turns = [turn(arm.base, space.rows) for arm in self._cell.arms]
+        return np.hstack([part @ R for part, R in zip(parts, turns, strict=True)])
+
+    def inertial(self, course: Course) -> Array:
+        """See `Torques.inertial`."""
+        return self._torques.inertial(course)
 
     def _parts(self, kernel: Kernel, q: Array, rates: Array) -> tuple[Array, Array, Array, Array]:
         """J, (count, m, n), J̇ q̇, (count, m), M, (count, n, n), and C q̇ + g, (count, n)."""
@@ -162,123 +165,6 @@ class Drive:
         values = kernel(np.hstack([q, rates]), np.zeros(0))
         J, bend, M, bias = np.split(values, np.cumsum([m * n, m, n * n]), axis=1)
         return J.reshape(-1, m, n), bend, M.reshape(-1, n, n), bias
-
-    def _least(
-        self, course: Course, load: Array, J: Sequence[Array], torques: Sequence[Array]
-    ) -> tuple[Array, Array] | None:
-        """Torques of least ‖T⁻¹τ‖, (n, N), and their wrenches, world axes, (n, Km).
-
-        Args:
-            course: at the knots.
-            load: what wrenches come to on the object, (n, b).
-            J: Jacobians by arm, world axes, (n, m, n_i).
-            torques: those without wrenches by arm, (n, n_i).
-        """
-        cell = self._cell
-        limits = cell.torque_limits
-        T = np.concatenate(limits or [np.ones(arm.n) for arm in cell.arms])
-        count, K, m = len(course), len(J), cell.system.space.m
-        wide = np.zeros((count, len(T), K * m))
-        edges = np.cumsum([0, *(mine.shape[2] for mine in J)]).tolist()
-        for i, mine in enumerate(J):
-            wide[:, edges[i] : edges[i + 1], i * m : i * m + m] = mine.swapaxes(1, 2)
-        alone = np.hstack(torques)
-        wrenches = np.empty((count, K * m))
-        for k in range(count):
-            P = np.hstack(self._balance(course.stations[k].pose))
-            U, s, V = np.linalg.svd(P)
-            rank = int((s > _CARRIED * s[0]).sum())
-            carried = V[:rank].T @ ((U[:, :rank].T @ load[k]) / s[:rank])
-            if np.abs(P @ carried - load[k]).max() > _CARRIED * (1 + np.abs(load[k]).max()):
-                return None
-            inner = V[rank:].T
-            pushed = (wide[k] @ inner) / T[:, None]
-            fixed = (alone[k] + wide[k] @ carried) / T
-            wrenches[k] = carried - inner @ np.linalg.lstsq(pushed, fixed, rcond=None)[0]
-        return alone + (wide @ wrenches[:, :, None])[:, :, 0], wrenches
-
-    def _limited(
-        self,
-        course: Course,
-        load: Array,
-        J: Sequence[Array],
-        alone: Sequence[Array],
-        torques: Array,
-    ) -> tuple[Array, Array]:
-        """Torques, (n, N), brought within their limits where that can be, and the largest share of
-        a limit at its least, (n,).
-        """
-        assert self.capacity is not None
-        T = np.concatenate(self.capacity.limits)
-        share, kept = self._kept(course, J, alone, load)
-        over = (np.abs(torques) > T).any(axis=1)
-        for k in np.flatnonzero(over & (share <= 1 + HELD)):
-            torques[k] = _blended(torques[k] / T, kept[k] / T) * T
-        return torques, share
-
-    def _kept(
-        self, course: Course, J: Sequence[Array], torques: Sequence[Array], load: Array
-    ) -> tuple[Array, Array]:
-        """The largest share of a torque limit at its least, (n,), and such torques, (n, N)."""
-        capacity, space = self.capacity, self._cell.system.space
-        assert capacity is not None
-        share, kept = np.empty(len(course)), np.empty((len(course), sum(map(len, capacity.limits))))
-        turns = [_turn(arm.base, space.rows) for arm in self._cell.arms]
-        for k, station in enumerate(course.stations):
-            balance = self._balance(station.pose)
-            dynamics = Dynamics(
-                M=tuple(np.zeros((1, len(T), len(T))) for T in capacity.limits),
-                J=tuple((turn.T @ mine[k])[None] for turn, mine in zip(turns, J, strict=True)),
-                g=tuple(torque[k][None] for torque in torques),
-                motion=tuple(np.zeros((space.m, space.m)) for _ in J),
-                balance=tuple(P @ turn for P, turn in zip(balance, turns, strict=True)),
-                limits=capacity.limits,
-                bounds=capacity.bounds,
-            )
-            demand = Demand.holding(space.m, load[k])
-            share[k] = dynamics.shares(demand)[0]
-            if not np.isfinite(share[k]):
-                share[k], kept[k] = np.inf, 0.0
-                continue
-            h = np.split(dynamics.resting(demand)[0], len(J))
-            kept[k] = np.concatenate([
-                g[0] + jacobian[0].T @ wrench
-                for g, jacobian, wrench in zip(dynamics.g, dynamics.J, h, strict=True)
-            ])  # fmt: skip
-        return share, kept
-
-    def inertial(self, course: Course) -> Array:
-        """What moves the object, by φ twice, in the rows of `Space.balance`, (n, b)."""
-        thing, inertia = self._cell.problem.object, None
-        if thing.inertia is not None:
-            planar = self._cell.problem.space.planar
-            inertia = np.array(thing.inertia) * (np.eye(3) if planar else 1.0)
-        return course.inertial_loads(inertia)
-
-    def loads(self, course: Course, duration: float) -> Array:
-        """What contact wrenches come to on the object, in the rows of `Space.balance`, (n, b)."""
-        thing, cell = self._cell.problem.object, self._cell
-        loads = self.inertial(course) / duration**2
-        rows = 2 if cell.problem.space.planar else 3
-        loads[:, :rows] -= thing.mass * cell.system.gravity[:rows]
-        return np.asarray(loads)
-
-    def _balance(self, pose: Pose) -> list[Array]:
-        """Wrenches at the contacts, world axes, on the object, (b, m) each."""
-        space, found = self._cell.system.space, []
-        for arm in self._cell.arms:
-            x, y, z = pose.rotation @ arm.grasp.position
-            whole = np.eye(6)
-            whole[3:, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
-            found.append(whole[np.ix_(space.balance, space.rows)])
-        return found
-
-
-def _turn(base: Pose, rows: Sequence[int]) -> Array:
-    """From root axes to world axes, (m, m)."""
-    whole = np.zeros((6, 6))
-    whole[:3, :3] = whole[3:, 3:] = base.rotation
-    return whole[np.ix_(rows, rows)]
 
 
 def _nearest(J: Array, rates: Array, contact: Array) -> Array:
@@ -302,12 +188,3 @@ def _within(J: Array, rates: Array, speeds: Array) -> Array:
         back = spare.swapaxes(1, 2) @ (found - np.clip(found, -most, most))[:, :, None]
         found = found - 2.0 * (spare @ back)[:, :, 0]
     return found
-
-
-def _blended(least: Array, kept: Array) -> Array:
-    """From torques of least norm, over limits, towards some that keep them, as far as needed."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        part = (np.abs(least) - 1.0) / (np.abs(least) - np.sign(least) * kept)
-    over = np.abs(least) > 1.0
-    share = float(np.clip(part[over].max(initial=0.0), 0.0, 1.0)) if over.any() else 0.0
-    return np.asarray(least + share * (kept - least))

@@ -13,14 +13,12 @@ from copose.paths.interpolation import closed_at, opening
 from copose.paths.journey import Journey
 from copose.paths.motion_program import longest_step
 from copose.paths.obstruction import Obstruction, opens, program_failed
-from copose.paths.shaping import Shaped, Shaper, Wanted
+from copose.paths.shaping import LONGER, Shaped, Shaper, Wanted
 from copose.planning.machinery import Machinery
 from copose.poses import Array
 from copose.problem import PathSpec
 
 _MOST_KNOTS = 4000
-# By how much a motion lasts longer than the shortest, relative.
-_LONGER = 1e-3
 # Where the chain opens by so many times the tolerance knots are added twice.
 _TWICE = 5.0
 # Steps that are less than such a part of the longest that a program allows are not held back by it;
@@ -116,7 +114,7 @@ class Finisher:
             quick = self.shaper.shortest(course, q, wanted)
             if not quick.converged:
                 return quick
-            q, wanted = quick.q, replace(wanted, duration=quick.duration * (1 + _LONGER))
+            q, wanted = quick.q, replace(wanted, duration=quick.duration * (1 + LONGER))
         return self.shaper.shaped(course, q, wanted, near=near, roughly=roughly)
 
     def finished(self, best: Shaped, wanted: Wanted) -> Finished | Obstruction:
@@ -135,7 +133,7 @@ class Finisher:
             seen = self._seen(course, found)
             if found.converged and seen.fine:
                 here = replace(wanted, duration=found.duration)
-                found = self.shaper.kept(course, found, here, longer=self.shortest)
+                found = self.shaper.kept(course, found, here, shortest=self.shortest)
                 seen = self._seen(course, found)
                 if found.converged and seen.fine:
                     break

@@ -10,6 +10,7 @@ import numpy as np
 
 from copose.capability.contact_limits import WrenchBounds
 from copose.kernels import Kernel
+from copose.paths.torques import exertable
 from copose.planning.cell import Cell
 from copose.planning.clearance import Apart
 from copose.planning.constraints import Constraint, closure_constraints, equality
@@ -17,6 +18,11 @@ from copose.planning.limits_measures import LimitsMeasure
 from copose.planning.limits_program import holding_addition, limits_addition
 from copose.planning.objectives import EllipsoidMeasure, Objective
 from copose.poses import Array, Indices
+
+# How names of constraints on shares of limits end, and what share of them is little enough.
+OVER, _ROOM = ", over their limits", 0.95
+# How names of balances of wrenches begin.
+BALANCE = "balance of wrenches"
 
 
 @dataclass(frozen=True)
@@ -28,12 +34,26 @@ class Form:
         shortest: whether the duration is sought, and nothing else.
         rates: whether joint speeds and accelerations enter.
         rounded: whether an objective with kinks is replaced by one without, whose best is near.
+        sparing: whether a motion is sought that keeps torque and acceleration limits, or breaks
+            them as little as can be, and nothing else.
+        loose: whether limits of torques and accelerations are left out.
     """
 
     worst: bool = False
     shortest: bool = False
     rates: bool = False
     rounded: bool = False
+    sparing: bool = False
+    loose: bool = False
+
+    @property
+    def common(self) -> str | None:
+        """The variable, the same at all knots, that is minimised, −level maximised; None where
+        the mean of the objective counts.
+        """
+        if self.sparing:
+            return "share"
+        return "stretch" if self.shortest else "level" if self.worst else None
 
 
 class KnotTask:
@@ -41,7 +61,8 @@ class KnotTask:
 
     y are the joints q, (N,), and then: what the objective and held objects add; with rates dq/dφ
     and d²q/dφ², (N,) each, φ the share of the duration, and with torque limits the contacts'
-    wrenches; the level that the least objective must reach; the stretch of the duration.
+    wrenches; the level that the least objective must reach; the stretch of the duration; the
+    share of torque and acceleration limits.
 
     Attributes:
         slices: of y, by name.
@@ -83,11 +104,11 @@ class KnotTask:
             constraints += kept_apart.constraints(system, slots)
         parts: dict[str, ca.SX] = {"q": system.q}
         value = ca.SX(0)
-        if not form.shortest:
+        if form.common in (None, "level"):
             value, beside, more = _objective(cell, objective, symbols, bounds, rounded=form.rounded)
             parts["beside"] = beside
             constraints += more
-        if problem.constraints.static_torque:
+        if problem.constraints.static_torque and not form.loose:
             assert bounds is not None and cell.torque_limits is not None
             hold = holding_addition(system, cell.torque_limits, bounds)
             parts["hold"] = hold.variables
@@ -105,7 +126,7 @@ class KnotTask:
             )
             parts["wrenches"] = wrenches
             constraints += more
-        if form.worst and not form.shortest:
+        if form.common == "level":
             level = ca.SX.sym("level")
             parts["level"] = level
             constraints.append(
@@ -114,7 +135,14 @@ class KnotTask:
             value = ca.SX(0)
         if form.shortest:
             parts["stretch"] = stretch
-        self.constraints = tuple(constraints)
+        if form.sparing:
+            share = ca.SX.sym("share")
+            parts["share"] = share
+            constraints = [_spared(constraint, share) for constraint in constraints]
+            constraints.append(
+                Constraint("share", share, np.full(1, _ROOM), np.full(1, np.inf), "1")
+            )
+        self.constraints = tuple(_balanced(cell, constraint) for constraint in constraints)
         edges = np.cumsum([0] + [part.numel() for part in parts.values()])
         self.slices = {
             name: slice(int(a), int(z))
@@ -122,7 +150,7 @@ class KnotTask:
         }
         self._y = ca.vertcat(*parts.values())
         self._p = ca.vertcat(system.parameters, symbols, slots, inertial, duration)
-        self._value, self._g = value, ca.vertcat(*(c.expression for c in constraints))
+        self._value, self._g = value, ca.vertcat(*(c.expression for c in self.constraints))
         self.joints = system.q.numel()
         J = ca.jacobian(self._g, self._y)
         self.value = Kernel(self._y, self._p, ca.vertcat(value, self._g))
@@ -181,6 +209,36 @@ class KnotTask:
         return self.lagrangian, self.slopes, self.value, self.rest
 
 
+def _balanced(cell: Cell, constraint: Constraint) -> Constraint:
+    """A balance of wrenches without rows that follow from the others; all else as it is.
+
+    What contacts cannot do anything about must balance by itself: `Torques.least` sees to that.
+    """
+    rows = exertable(cell)
+    full = constraint.expression.numel() == rows.shape[1] > len(rows)
+    if not full or not constraint.name.startswith(BALANCE):
+        return constraint
+    own = cell.system.object.rotation.T
+    balance = list(cell.system.space.balance)
+    turned = ca.diagcat(own, own)[balance, balance] @ constraint.expression
+    return equality(constraint.name, ca.DM(rows) @ turned, constraint.unit)
+
+
+def _spared(constraint: Constraint, share: ca.SX) -> Constraint:
+    """Limits of torques and accelerations that share multiplies; all else as it is."""
+    if not constraint.name.endswith(OVER):
+        return constraint
+    size = constraint.expression.numel()
+    nothing, open_ = np.zeros(size), np.full(size, np.inf)
+    return Constraint(
+        constraint.name,
+        ca.vertcat(constraint.expression - share, constraint.expression + share),
+        np.concatenate([-open_, nothing]),
+        np.concatenate([nothing, open_]),
+        "1",
+    )
+
+
 def _objective(
     cell: Cell,
     objective: Objective,
@@ -221,7 +279,7 @@ def _driven(
     if limited:
         one = np.ones(len(limited))
         share = accelerations[limited] / ca.DM(limits[limited])
-        constraints.append(Constraint("accelerations, over their limits", share, -one, one, "1"))
+        constraints.append(Constraint(f"accelerations{OVER}", share, -one, one, "1"))
     if not problem.constraints.dynamic_torque:
         return ca.SX(0, 1), constraints
     assert bounds is not None and cell.torque_limits is not None
@@ -241,8 +299,8 @@ def _driven(
     share = ca.vertcat(*shares)
     one = np.ones(share.numel())
     constraints += [
-        Constraint("torques, over their limits", share, -one, one, "1"),
-        equality("balance of wrenches", balance, "N, N·m"),
+        Constraint(f"torques{OVER}", share, -one, one, "1"),
+        equality(BALANCE, balance, "N, N·m"),
     ]
     if len(bounds.bound):
         held = ca.DM(bounds.matrix) @ ca.vertcat(*wrenches)

@@ -67,26 +67,37 @@ class Lattice:
             order = order[far(rows, columns, i, j)]
         return found
 
+    def evenest(self, most: int, far: Far | None = None) -> list[Found]:
+        """The routes whose least value is the largest that it can be."""
+        highest = float(self.widest.max(initial=-np.inf))
+        return self._above(highest, most, far) if np.isfinite(highest) else []
+
     def levelled(self, most: int, far: Far | None = None) -> list[Found]:
         """Routes of which the least value, not the sum, counts: of several levels that it may be
         at, the routes with the cheapest moves.
         """
-        highest = float(self.widest.max(initial=-np.inf))
-        if not np.isfinite(highest):
+        found = self.evenest(most, far)
+        if not found:
             return []
-        lowest = min(float(value[np.isfinite(value)].min()) for value in self.values)
-        found: list[Found] = []
-        # Levels close up towards the highest: moves cost little.
-        for share in np.linspace(0.0, 1.0, _LEVELS) ** 2:
+        highest = float(self.widest.max())
+        # Moves cost nothing at best: what is below the worth of a route cannot be worth more.
+        lowest = max(each.worth for each in found)
+        for share in np.linspace(0.0, 1.0, _LEVELS)[1:-1] ** 2:
             level = highest - share * (highest - lowest)
-            if level < max((each.worth for each in found), default=-np.inf):
+            if level < max(each.worth for each in found):
                 break
-            allowed = [np.where(value >= level, 0.0, -np.inf) for value in self.values]
-            for each in Lattice(allowed, self.one, self.other).best(most, far):
-                least = min(value[tuple(pair)] for value, pair in
-                            zip(self.values, each.nodes, strict=True))  # fmt: skip
-                found.append(Found(each.nodes, each.worth + float(least)))
+            found += self._above(level, most, far)
         return sorted(found, key=lambda each: -each.worth)
+
+    def _above(self, level: float, most: int, far: Far | None) -> list[Found]:
+        """The routes with the cheapest moves of those whose least value reaches a level."""
+        found = []
+        allowed = [np.where(value >= level, 0.0, -np.inf) for value in self.values]
+        for each in Lattice(allowed, self.one, self.other).best(most, far):
+            pairs = [tuple(pair) for pair in each.nodes]
+            least = min(float(v[pair]) for v, pair in zip(self.values, pairs, strict=True))
+            found.append(Found(each.nodes, each.worth + least))
+        return found
 
     def worst_of(self, found: Found, weighed: Sequence[Array]) -> float:
         """The least value on a route, less the cost of its moves; its worth is a sum of others."""

@@ -21,7 +21,7 @@ from copose.poses import Array, Indices
 
 _STEP = 1e-7
 _STEP_AT, _KNOTS_AT, _SHRINKS = 0.35, 25, 0.6
-# How much a shortest motion is smoothed, so that joints which need not hurry have one way to go.
+# How much a motion is smoothed whose objective does not count, so that joints have one way to go.
 _CALM = 1e-6
 _OPTIONS = IPOPT | {
     "no_nlp_grad": True,
@@ -135,9 +135,10 @@ class _Run:
         self._task, self._form, self._count, self._given = task, form, count, given
         self._size, self._joints = task.size, task.joints
         interval = given.duration / (count - 1)
-        smoothness = _CALM if form.shortest else given.smoothness
+        smoothness = _CALM if form.shortest or form.sparing else given.smoothness
         # S is the mean of (Δq/Δt)² over the intervals and the joints.
         self._calm = smoothness / (self._joints * (count - 1) * interval**2)
+        self._sign = -1.0 if form.common == "level" else 1.0
         self._links = self._linked()
         self._lay_out()
 
@@ -219,7 +220,6 @@ class _Run:
             pairs = range(self._count - 1)
             builder.add("speed", pairs, [ahead, behind, (0, stretch, -reach)], -np.inf, 0.0)
             builder.add("speed", pairs, [ahead, behind, (0, stretch, reach)], 0.0, np.inf)
-            builder.chain("stretch", slices["stretch"])
         else:
             builder.add("speed", range(self._count - 1), [ahead, behind], -reach, reach)
         if self._form.rates:
@@ -241,8 +241,8 @@ class _Run:
                     "bends", [k],
                     [(0, bend, step), (beside, q, -2 / step), (0, q, 2 / step)], 0.0, 0.0,
                 )  # fmt: skip
-        if "level" in slices:
-            builder.chain("level", slices["level"])
+        if self._form.common is not None:
+            builder.chain(self._form.common, slices[self._form.common])
         if given.returns:
             builder.add("return", [0], [(0, q, 1.0), (self._count - 1, q, -1.0)], 0.0, 0.0)
         return builder.rows()
@@ -298,12 +298,10 @@ class _Run:
         values = self._task.value(y, self._given.parameters)
         q = y[:, : self._joints]
         cost = self._calm * float((np.diff(q, axis=0) ** 2).sum())
-        if self._form.shortest:
-            cost += float(y[0, self._task.slices["stretch"].start])
-        elif self._form.worst:
-            cost -= float(y[0, self._task.slices["level"].start])
-        else:
+        if self._form.common is None:
             cost -= float(values[:, 0].mean())
+        else:
+            cost += self._sign * float(y[0, self._task.slices[self._form.common].start])
         return [cost, np.concatenate([values[:, 1:].ravel(), self._tied(x)])]
 
     def _tied(self, x: Array) -> Array:
@@ -317,12 +315,10 @@ class _Run:
         y = x.reshape(self._count, self._size)
         slopes = self._task.slopes(y, self._given.parameters)[:, : self._size]
         gradient = np.zeros_like(y)
-        if self._form.shortest:
-            gradient[0, self._task.slices["stretch"]] = 1.0
-        elif self._form.worst:
-            gradient[0, self._task.slices["level"]] = -1.0
-        else:
+        if self._form.common is None:
             gradient = -slopes / self._count
+        else:
+            gradient[0, self._task.slices[self._form.common]] = self._sign
         moved = 2 * self._calm * np.diff(y[:, : self._joints], axis=0)
         gradient[1:, : self._joints] += moved
         gradient[:-1, : self._joints] -= moved
@@ -338,10 +334,9 @@ class _Run:
         task, n, size, N = self._task, self._count, self._size, self._joints
         y = x.reshape(n, size)
         own = len(task.bounds[0])
-        counts = not (self._form.shortest or self._form.worst)
         given = np.empty((n, size + 1 + own))
         given[:, :size] = y
-        given[:, size] = -sigma[0] / n if counts else 0.0
+        given[:, size] = -sigma[0] / n if self._form.common is None else 0.0
         given[:, size + 1 :] = lam[: own * n].reshape(n, own)
         beside = np.repeat(given, N + 1, axis=0).reshape(n, N + 1, -1)
         beside[:, np.arange(N), np.arange(N)] += _STEP

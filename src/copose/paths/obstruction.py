@@ -11,6 +11,7 @@ from copose.paths.course import Course
 from copose.paths.roadmap import Roadmap
 from copose.paths.routes import Finder
 from copose.paths.shaping import Shaped
+from copose.paths.straining import Strain
 from copose.planning.closing import CLOSED, project
 from copose.planning.machinery import Machinery
 from copose.planning.search import EFFORTS
@@ -142,6 +143,29 @@ def too_fast(
         f"arm {name.name!r}, {_time(course, k, duration)}: joint {name.joint_names[joint]!r} would "
         f"be faster than its limit; {duration:.3g} s is too short, about {least:.3g} s is not "
         "(speed)",
+    )
+
+
+def unheld(course: Course, k: int, duration: float, reason: str) -> Obstruction:
+    """No posture at all holds the object at layer k, for a reason."""
+    return Obstruction("infeasible", f"{_time(course, k, duration)}: {reason} (torque)")
+
+
+def overloaded(
+    machinery: Machinery, course: Course, duration: float, strain: Strain, *, sure: bool
+) -> Obstruction:
+    """What limit the motions that spare them most still break, and by how much at best."""
+    arm = machinery.cell.arms[strain.arm]
+    joint, times = arm.joint_names[strain.joint], f"{strain.times:.3g} times its"
+    told = {
+        "hold": f"joint {joint!r} needs {times} torque limit to hold the object (torque)",
+        "torque": f"joint {joint!r} needs {times} torque limit (torque)",
+        "acceleration": f"joint {joint!r} takes {times} acceleration limit (acceleration)",
+    }
+    return Obstruction(
+        "infeasible" if sure else "failed",
+        f"arm {arm.name!r}, {_time(course, strain.knot, duration)}: even in the motion found that "
+        f"spares it most {told[strain.what]}",
     )
 
 

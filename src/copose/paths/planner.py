@@ -12,10 +12,11 @@ from copose.paths.answering import Answer
 from copose.paths.drive import Drive
 from copose.paths.finishing import Finisher
 from copose.paths.journey import Journey
-from copose.paths.making import Ends, Making
+from copose.paths.making import Making
 from copose.paths.obstruction import Obstruction
 from copose.paths.reconfiguring import aim
 from copose.paths.shaping import Shaper
+from copose.paths.trying import Ends
 from copose.planning.cell import Cell
 from copose.planning.climbing import Progress
 from copose.planning.freedom import Freedom
@@ -61,10 +62,13 @@ class PathPlanner:
             )
         self._machinery = Machinery(Cell.of(problem)) if machinery is None else machinery
         cell = self._machinery.cell
-        speeds = [joint.velocity for arm in cell.arms for joint in arm.joints]
-        if self.path.duration == "shortest" and not np.isfinite(speeds).any():
+        joints = [joint for arm in cell.arms for joint in arm.joints]
+        limits = [limit for joint in joints for limit in (joint.velocity, joint.acceleration)]
+        timed = problem.constraints.dynamic_torque or np.isfinite(limits).any()
+        if self.path.duration == "shortest" and not timed:
             raise InputError(
-                "needs speed limits, and no joint has one; give velocity_limits, or a duration",
+                "needs limits that take time to keep, and no joint has one; give velocity_limits, "
+                "acceleration_limits or [constraints] dynamic_torque, or a duration",
                 key="path.duration",
                 file=problem.source,
             )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from copose.paths.making import Ends
+from copose.paths.trying import Ends
 from copose.planning import Planner
 from copose.planning.climbing import Progress
 from copose.poses import Array

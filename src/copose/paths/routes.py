@@ -78,7 +78,12 @@ class Worth:
 
 
 class Finder:
-    """Finds routes through the roadmaps of all arms."""
+    """Finds routes through the roadmaps of all arms.
+
+    Attributes:
+        values: of combinations of postures.
+        lattice: of one or two arms; None of more.
+    """
 
     def __init__(
         self,
@@ -90,7 +95,7 @@ class Finder:
         seed: int,
     ) -> None:
         """Evaluate the moves, and all combinations of one or two arms."""
-        self._values, self._roadmaps, self._worth = values, tuple(roadmaps), worth
+        self.values, self._roadmaps, self._worth = values, tuple(roadmaps), worth
         self._returns, self._seed = returns, seed
         self._count = len(roadmaps[0].layers)
         self._costs = [worth.costs(roadmap, i) for i, roadmap in enumerate(roadmaps)]
@@ -140,6 +145,14 @@ class Finder:
         ]
         allowed = [np.where(np.isfinite(v), 0.0, -np.inf) for v in self.lattice.values]
         return self._far_apart(self._moving(allowed, paces), most, distance, Lattice.best)
+
+    def evenest(self, most: int, distance: float) -> list[Route]:
+        """Routes whose worst combination is the best that it can be, that differ as in `routes`, of
+        one or two arms, not closed: where all hold too much, those of the least largest share.
+        """
+        if self.lattice is None or self._returns:
+            return []
+        return self._far_apart(self.lattice, most, distance, Lattice.evenest)
 
     def least_interval(self) -> float:
         """The least time between layers, s, in which some route's slowest joints can follow it."""
@@ -273,7 +286,7 @@ class Finder:
 
     def _exchange(self, nodes: Indices, i: int, worth: float) -> float:
         """Put the best route of arm i beside the others' in its place; what all come to then."""
-        values = [self._values.beside(k, i, nodes[k])[:, None] for k in range(self._count)]
+        values = [self.values.beside(k, i, nodes[k])[:, None] for k in range(self._count)]
         better = self._alone(i, values, int(nodes[0, i]) if self._returns else None)
         if better is None:
             return worth

@@ -15,7 +15,7 @@ import numpy as np
 from copose.capability.torque_limits import Demand
 from copose.paths.course import Course
 from copose.paths.drive import Drive
-from copose.paths.knot_task import Form, KnotTask
+from copose.paths.knot_task import OVER, Form, KnotTask
 from copose.paths.motion_program import MotionProgram, Multipliers, Solved, Task
 from copose.paths.starting import started, values_at
 from copose.planning.capacity import HELD, Capacity
@@ -32,6 +32,8 @@ _PLAIN, _SHARP = 300, 80
 _SLACKS = 0.02, 0.2
 # How much more of an excess is taken away than there was, how much at least and at most.
 _MORE, _LEAST, _AT_MOST = 1.5, 1e-6, 0.5
+# By how much a motion lasts longer than the shortest, relative.
+LONGER = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,13 +116,12 @@ class _Used:
     @property
     def within(self) -> bool:
         """Whether it keeps all of them."""
-        still = max(self.speeds.max(), self.accelerations.max())
-        return bool(still <= 1 and self.torques.max() <= 1 + HELD / 2)
+        return bool(self.speeds.max() <= 1) and self.forces_within
 
     @property
-    def most(self) -> float:
-        """By how much longer a motion keeps them, about: weight is no matter of time."""
-        return float(max(self.speeds.max(), self.torques.max(), self.accelerations.max() ** 0.5))
+    def forces_within(self) -> bool:
+        """Whether it keeps those of torques and accelerations."""
+        return bool(self.accelerations.max() <= 1 and self.torques.max() <= 1 + HELD / 2)
 
 
 class Shaper:
@@ -169,12 +170,28 @@ class Shaper:
     def _capacity(self) -> Capacity | None:
         return self._drive.capacity
 
-    def _form(self, *, shortest: bool = False, rounded: bool = False) -> Form:
-        return Form(worst=self._worst, shortest=shortest, rates=self._rates, rounded=rounded)
+    def _form(
+        self, *, shortest: bool = False, rounded: bool = False, sparing: bool = False
+    ) -> Form:
+        return Form(self._worst, shortest, self._rates, rounded, sparing)
 
     def shortest(self, course: Course, q: Array, wanted: Wanted) -> Shaped:
         """The shortest motion near one, (n, N); ``wanted.duration`` is where it starts."""
         return self._exchanged(self._case(course, wanted, shortest=True), q)
+
+    def loose(self, course: Course, q: Array, wanted: Wanted) -> Shaped:
+        """The best motion near one, (n, N), without limits of torques and accelerations, and of an
+        objective without kinks.
+        """
+        form = Form(worst=self._worst, rounded=self.kinked, loose=True)
+        return self._exchanged(replace(self._case(course, wanted), form=form), q)
+
+    def sparing(self, course: Course, q: Array, wanted: Wanted) -> Shaped:
+        """A motion near one, (n, N), that keeps torque and acceleration limits, with room, or
+        breaks them as little as can be.
+        """
+        case = replace(self._case(course, wanted), form=self._form(sparing=True))
+        return self._exchanged(case, q)
 
     def shaped(
         self,
@@ -226,33 +243,47 @@ class Shaper:
                 return found
         return rounded if rounded.converged else found
 
-    def kept(self, course: Course, found: Shaped, wanted: Wanted, *, longer: bool) -> Shaped:
+    def kept(self, course: Course, found: Shaped, wanted: Wanted, *, shortest: bool) -> Shaped:
         """The same where speeds, accelerations and torques as they are reported keep limits.
 
         Args:
             course: at the knots.
             found: what the program ended with.
             wanted: what it had to keep.
-            longer: whether the motion may last longer for that; else the program's limits tighten.
+            shortest: whether the motion may last longer for that, as little as can be.
         """
         case = self._case(course, wanted)
         for _ in range(_TIGHTENINGS):
             used = self._used(course, found)
             if not found.converged or used.within:
                 return found
-            if longer:
-                found = replace(found, duration=found.duration * used.most * (1 + _LEAST))
+            if shortest and used.forces_within:
+                longer = found.duration * used.speeds.max() * (1 + _LEAST)
+                found = replace(found, duration=float(longer))
                 continue
             case = replace(
                 case,
-                speeds=case.speeds * _left(used.speeds),
+                speeds=case.speeds if shortest else case.speeds * _left(used.speeds),
                 shares=case.shares * _left(used.torques),
                 calm=case.calm * _left(used.accelerations),
             )
-            found = self._exchanged(case, found.q, found.multipliers)
+            found = self._again(case, found, shortest=shortest)
         if self._used(course, found).within:
             return found
         return replace(found, converged=False, status="Limits_Not_Kept", violated=("", 0, 0.0))
+
+    def _again(self, case: _Case, found: Shaped, *, shortest: bool) -> Shaped:
+        """The best motion of a tightened program, near the one before."""
+        if not shortest:
+            return self._exchanged(case, found.q, found.multipliers)
+        wanted = replace(case.wanted, duration=found.duration)
+        quick = self._exchanged(
+            replace(case, wanted=wanted, form=self._form(shortest=True)), found.q
+        )
+        if not quick.converged:
+            return quick
+        wanted = replace(wanted, duration=quick.duration * (1 + LONGER))
+        return self._exchanged(replace(case, wanted=wanted), quick.q)
 
     def _case(self, course: Course, wanted: Wanted, *, shortest: bool = False) -> _Case:
         every, form = np.ones(len(course)), self._form(shortest=shortest)
@@ -262,7 +293,7 @@ class Shaper:
         driven = self._drive.driven(course, self._machinery.split(found.q), found.duration)
         return _Used(
             speeds=np.abs(np.hstack(driven.velocities)).max(axis=0) / self.speeds,
-            torques=np.zeros(len(course)) if driven.share is None else driven.share,
+            torques=np.zeros(len(course)) if driven.shares is None else driven.shares.max(axis=1),
             accelerations=(np.abs(np.hstack(driven.accelerations)) / self.accelerations).max(
                 axis=1
             ),
@@ -272,7 +303,7 @@ class Shaper:
         """With demands of an objective that a program left out."""
         machinery, demands = self._machinery, self._demands(case.course, q)
         found = self._apart(case, q, demands, beside)
-        if demands is None or not machinery.dear or case.form.shortest:
+        if demands is None or not machinery.dear or case.form.common in ("stretch", "share"):
             return found
         for _ in range(_EXCHANGES):
             if not found.converged:
@@ -414,9 +445,9 @@ def _parts(task: KnotTask, shares: Array, calm: Array) -> Array | None:
     for constraint in task.constraints:
         rows = slice(first, first + constraint.expression.numel())
         first = rows.stop
-        if constraint.name == "torques, over their limits":
+        if constraint.name == f"torques{OVER}":
             parts[:, rows] = shares[:, None]
-        elif constraint.name == "accelerations, over their limits":
+        elif constraint.name == f"accelerations{OVER}":
             parts[:, rows] = calm[:, None]
     return parts
 

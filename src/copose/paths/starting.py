@@ -17,6 +17,8 @@ from copose.poses import Array
 
 # How far below the least objective its level starts, relative.
 _BELOW = 0.01
+# What share of torque and acceleration limits a motion that spares them starts with.
+_SHARE = 2.0
 
 
 def started(
@@ -65,6 +67,8 @@ def started(
         y[:, slices["level"]] = least - _BELOW * (1 + abs(least))
     if "stretch" in slices:
         y[:, slices["stretch"]] = 1.0
+    if "share" in slices:
+        y[:, slices["share"]] = _SHARE
     return y
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 
+from copose.capability.torque_limits import Demand, Dynamics
 from copose.paths.course import Course
 from copose.paths.roadmap import Roadmap
+from copose.planning.capacity import Capacity
 from copose.planning.clearing import alone_clear
 from copose.planning.machinery import Machinery
 from copose.planning.objectives import EllipsoidMeasure
@@ -16,17 +19,27 @@ from copose.poses import Array, Indices, Mask
 _UNHELD = -1e8
 # Postures of an arm, and pairs, of a layer whose bodies are measured where capsules are too near.
 _MEASURED, _MEASURED_PAIRS = 24, 64
+# What it costs to hold the object with more than the torque limits, by the excess squared: routes
+# through such combinations come after all others, and the program may mend them.
+_TOO_HEAVY = 1e4
 
 
 class Values:
     """The objective of combinations of postures, layer by layer, or what stands in for it; −∞ where
-    it has none, the object is not held, or bodies come too near.
+    it has none, the object cannot be held, or bodies come too near.
 
     Attributes:
         combinations: how many were evaluated.
+        shares: by layer, the least of the largest shares of a torque limit that hold the object at
+            rest, of all combinations that were looked at; 0 where that is not asked.
     """
 
-    def __init__(self, machinery: Machinery, course: Course, roadmaps: Sequence[Roadmap]) -> None:
+    def __init__(
+        self,
+        machinery: Machinery,
+        course: Course,
+        roadmaps: Sequence[Roadmap],
+    ) -> None:
         """Evaluate what each arm adds to the sums."""
         self._machinery, self._course, self._roadmaps = machinery, course, roadmaps
         self._terms = [
@@ -34,7 +47,26 @@ class Values:
             for k, setting in enumerate(course.settings)
         ]
         self.combinations = 0
+        self.shares = np.zeros(len(course))
+        self._holding: list[tuple[Dynamics, Demand]] = []
+        self._pairs: dict[int, Array] = {}
         self._clear = [] if machinery.clearance is None else self._alone()
+
+    def within(self, capacity: Capacity) -> Values:
+        """The same less what it costs to hold the object with more than the torque limits."""
+        other = copy(self)
+        other.shares = np.full(len(self._course), np.inf)
+        other._holding = self._held(capacity)
+        return other
+
+    def _held(self, capacity: Capacity) -> list[tuple[Dynamics, Demand]]:
+        """By layer, the equations of motion of each arm's postures and what holds the object."""
+        found = []
+        for k, setting in enumerate(self._course.settings):
+            holding = capacity.holding(setting.cell)
+            q = [roadmap.layers[k].q for roadmap in self._roadmaps]
+            found.append((capacity.dynamics(holding, q), holding.hold))
+        return found
 
     def _alone(self) -> list[list[Mask]]:
         """By layer and arm, which postures keep clear of all but the other arms."""
@@ -54,6 +86,15 @@ class Values:
 
     def pairs(self, k: int) -> Array:
         """Of all combinations of two arms' postures, (count, count'), of one arm (count, 1)."""
+        if k not in self._pairs:
+            self._pairs[k] = self._evaluated(k)
+        values = self._pairs[k].copy()
+        rows, columns = np.nonzero(np.isfinite(values))
+        chosen = np.column_stack([rows, columns])[:, : len(self._roadmaps)]
+        values[rows, columns] -= self._heavy(k, chosen)
+        return values
+
+    def _evaluated(self, k: int) -> Array:
         terms = self._terms[k]
         counts = [len(mine) for mine in terms]
         masks = self._clear[k] if self._clear else [np.ones(n, dtype=bool) for n in counts]
@@ -67,6 +108,20 @@ class Values:
         if self._clear and len(terms) > 1:
             self._keep_apart(k, values)
         return values
+
+    def _heavy(self, k: int, chosen: Indices) -> Array:
+        """What it costs that combinations, (count, K), hold the object with more than they have."""
+        if not self._holding or not len(chosen):
+            return np.zeros(len(chosen))
+        alone, hold = self._holding[k]
+        dynamics = alone.combined(list(chosen.T))
+        shares = dynamics.quick_shares(hold)
+        over = np.flatnonzero(~(shares <= 1.0))
+        if len(over):
+            shares[over] = dynamics.taken(over).shares(hold)
+        shares[np.isnan(shares)] = np.inf
+        self.shares[k] = min(self.shares[k], shares.min())
+        return np.asarray(_TOO_HEAVY * np.maximum(shares - 1.0, 0.0) ** 2)
 
     def _keep_apart(self, k: int, values: Array) -> None:
         """Rule out the pairs that are too near each other."""
@@ -92,6 +147,10 @@ class Values:
             chosen = np.tile(nodes, (len(rows), 1))
             chosen[:, i] = rows
             values[rows[~self._apart(k, chosen)]] = -np.inf
+        rows = np.flatnonzero(np.isfinite(values))
+        chosen = np.tile(nodes, (len(rows), 1))
+        chosen[:, i] = rows
+        values[rows] -= self._heavy(k, chosen)
         return values
 
     def _of(self, k: int, sums: Array) -> Array:

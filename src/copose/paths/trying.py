@@ -1,0 +1,276 @@
+"""What programs make of routes through one graph, and what keeps them from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from copose.paths.course import Course
+from copose.paths.finishing import Finisher
+from copose.paths.obstruction import (
+    Obstruction,
+    blocked,
+    overloaded,
+    program_failed,
+    too_fast,
+    unheld,
+)
+from copose.paths.roadmap import Roadmap
+from copose.paths.routes import Finder, Route, Worth
+from copose.paths.shaping import Shaped, Wanted
+from copose.paths.straining import Strain, largest_strain
+from copose.paths.values import Values
+from copose.planning.capacity import HELD
+from copose.planning.climbing import Progress
+from copose.planning.giving_way import heaviest
+from copose.planning.machinery import Machinery
+from copose.poses import Array
+
+# Routes that are optimised, and where an arm has more than one degree of freedom to spare or forces
+# are limited, of which the graph knows little; they differ by more than this in some joint and
+# layer, rad or m.
+_ROUTES, _MORE_ROUTES, _DISTANCE = 3, 6, 0.3
+# Joints that differ by less, rad or m, are those of one motion.
+_SAME = 1e-3
+# Routes of a kind from which motions are sought that spare torques.
+_EVEN = 2
+# How many times longer than the graph's shortest a motion lasts that spares torques.
+_EASY = 3.0
+# Shares of limits that are beyond what a motion with finer knots may change.
+_SURELY = 1.05
+
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """Joints of all arms where a motion begins and ends, (N,); NaN where any posture serves."""
+
+    first: Array
+    last: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A route and the motion that a program made of it.
+
+    Attributes:
+        route: through the graph.
+        shaped: the motion.
+        value: its aggregate − smoothness · S; None where the program failed.
+        easy: whether limits of torques and accelerations hold nothing back.
+    """
+
+    route: Route
+    shaped: Shaped
+    value: float | None
+    easy: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Motions of routes, best first, and why there is none where there is none."""
+
+    tried: list[Tried]
+    why: Obstruction | None
+
+    @classmethod
+    def of(cls, tried: list[Tried], why: Obstruction | None, *, shortest: bool) -> Outcome:
+        """Put what was tried in order."""
+
+        def order(each: Tried) -> tuple[bool, float, float]:
+            return each.value is None, shortest * each.shaped.duration, -(each.value or 0.0)
+
+        ordered = sorted(tried, key=order)
+        return cls(ordered, why if not ordered or ordered[0].value is None else None)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """Routes through one graph in a certain time, tried.
+
+    Attributes:
+        finisher: makes motions.
+        course: the graph's layers.
+        held: where motions begin and end.
+        roadmaps: of the arms.
+        values: of combinations of their postures.
+        duration: s; where the shortest is sought, the one that is reckoned with.
+        seed: of everything that is drawn.
+        progress: is told.
+    """
+
+    finisher: Finisher
+    course: Course
+    held: Ends
+    roadmaps: Sequence[Roadmap]
+    values: Values
+    duration: float
+    seed: int
+    progress: Progress
+    _known: list[tuple[Array, Tried]] = field(default_factory=list)
+
+    def lasting(self, duration: float) -> Trial:
+        """The same in another time."""
+        return replace(self, duration=duration, _known=[])
+
+    def least_duration(self) -> float:
+        """S that joints need at their speed limits, about; 0 without such, ∞ where no way is."""
+        return self._finder.least_interval() * (len(self.course) - 1)
+
+    @property
+    def _machinery(self) -> Machinery:
+        return self.finisher.machinery
+
+    @property
+    def _limited(self) -> bool:
+        """Whether torques have to keep limits."""
+        constraints = self._machinery.cell.problem.constraints
+        return constraints.static_torque or constraints.dynamic_torque
+
+    @cached_property
+    def _finder(self) -> Finder:
+        return self._finder_of(self.values)
+
+    @cached_property
+    def _careful(self) -> Finder:
+        """Finds routes that spare torques where they are to keep limits."""
+        capacity = self.finisher.drive.capacity
+        if not self._limited or capacity is None:
+            return self._finder
+        return self._finder_of(self.values.within(capacity))
+
+    def _finder_of(self, values: Values) -> Finder:
+        path, arms = self.finisher.path, self._machinery.cell.arms
+        worth = Worth(
+            aggregate=path.aggregate,
+            smoothness=path.smoothness,
+            interval=self.duration / (len(self.course) - 1),
+            speeds=tuple(np.array([joint.velocity for joint in arm.joints]) for arm in arms),
+        )
+        return Finder(values, self.roadmaps, worth, returns=path.closed, seed=self.seed)
+
+    def outcome(self) -> Outcome:
+        """Motions of the best routes, of more where those fail or time counts."""
+        machinery = self._machinery
+        shortest, forceful = self.finisher.shortest, self.finisher.shaper.forceful
+        simple = all(roadmap.simple for roadmap in self.roadmaps)
+        most = _ROUTES if simple and not forceful else _MORE_ROUTES
+        routes = self._finder.routes(most, _DISTANCE)
+        if not routes:
+            why = self._unheld() if self._limited else None
+            return Outcome([], why or blocked(machinery, self.course, self._finder, self.duration))
+        found = [] if shortest and self._limited else [self._made(route) for route in routes]
+        best = max((each for each in found if each.value is not None), key=_value, default=None)
+        if self._limited and (best is None or not best.easy):
+            careful = self._careful.routes(most, _DISTANCE)
+            why = self._unheld()
+            if why is not None:
+                return Outcome.of(found, why, shortest=shortest)
+            routes = careful or routes
+            found += [self._made(route) for route in routes]
+        if shortest or all(each.value is None for each in found):
+            found += [self._made(route) for route in self._finder.quickest(_ROUTES, _DISTANCE)]
+        if any(each.value is not None for each in found):
+            return Outcome.of(found, None, shortest=shortest)
+        more, why = self._spared_of(routes) if forceful else ([], self._too_fast())
+        why = why or program_failed(Outcome.of(found, None, shortest=shortest).tried[0].shaped)
+        return Outcome.of(found + more, why, shortest=shortest)
+
+    def wanted(self, q: Array, duration: float) -> Wanted:
+        """What a motion, (n, N), has to keep."""
+        # A joint without limits may end some turns on.
+        last = np.where(np.isfinite(self.held.last), q[-1], np.nan)
+        return Wanted(duration, self.held.first, last, self.finisher.path.closed)
+
+    def _unheld(self) -> Obstruction | None:
+        """Where no posture at all holds the object at rest, if that is asked."""
+        k = int(self._careful.values.shares.argmax())
+        if not self._machinery.static or self._careful.values.shares[k] <= 1 + HELD:
+            return None
+        setting = self.course.settings[k]
+        most = heaviest(setting.cell, self.seed)
+        if len(most.q) and self._machinery.held(setting, most.q).any():
+            return None
+        return unheld(self.course, k, self.duration, most.reason)
+
+    def _made(self, route: Route) -> Tried:
+        """What a program makes of a route, by way of the best motion without limits of torques and
+        accelerations: routes to the same of those are one.
+        """
+        self.progress("shaping the motion", 0.7)
+        finisher, course = self.finisher, self.course
+        q = finisher.closed(self._finder.postures(route), course)
+        wanted = self.wanted(q, self.duration)
+        if finisher.shortest or not finisher.shaper.forceful:
+            return self._valued(route, finisher.shaped(course, q, wanted, roughly=True))
+        loose = finisher.shaper.loose(course, q, wanted)
+        if not loose.converged:
+            return self._valued(route, finisher.shaped(course, q, wanted, roughly=True))
+        for other, made in self._known:
+            if np.abs(loose.q - other).max() < _SAME:
+                return replace(made, route=route)
+        strain = largest_strain(self._machinery, finisher.drive, course, loose.q, loose.duration)
+        found, easy = loose, strain.times <= 1
+        if not easy:
+            found = finisher.shaped(course, loose.q, wanted, roughly=True)
+        if not found.converged:
+            found = finisher.shaped(course, q, wanted, roughly=True)
+        made = replace(self._valued(route, found), easy=easy)
+        self._known.append((loose.q, made))
+        return made
+
+    def _valued(self, route: Route, found: Shaped) -> Tried:
+        if not found.converged:
+            return Tried(route, found, None)
+        return Tried(route, found, self.finisher.value(self.course, found.q, found.duration))
+
+    def _spared_of(self, routes: Sequence[Route]) -> tuple[list[Tried], Obstruction | None]:
+        """Motions by way of some that spare torques and accelerations, and why there are none."""
+        even = self._careful.evenest(_EVEN, _DISTANCE) if self._limited else []
+        ends = [self._spared(route) for route in [*even, *routes[:_EVEN]]]
+        found = [tried for _, tried in ends if tried is not None]
+        strains = [strain for strain, _ in ends if strain is not None]
+        least = min(strains, key=lambda strain: strain.times, default=None)
+        if least is None or least.times <= 1 + HELD:
+            return found, None
+        sure = len(strains) == len(ends) and least.times > _SURELY
+        why = overloaded(self._machinery, self.course, self.duration, least, sure=sure)
+        return found, why
+
+    def _spared(self, route: Route) -> tuple[Strain | None, Tried | None]:
+        """What strains the motion of a route that spares torques and accelerations most, and what
+        a program makes of it where that is within the limits.
+        """
+        self.progress("sparing torques", 0.8)
+        finisher, course = self.finisher, self.course
+        q = finisher.closed(self._finder.postures(route), course)
+        wanted = self.wanted(q, self.duration * (_EASY if finisher.shortest else 1.0))
+        found = finisher.shaper.sparing(course, q, wanted)
+        if not found.converged:
+            return None, None
+        strain = largest_strain(self._machinery, finisher.drive, course, found.q, found.duration)
+        if strain.times > 1 + HELD:
+            return strain, None
+        wanted = self.wanted(found.q, found.duration)
+        return strain, self._valued(route, finisher.shaped(course, found.q, wanted))
+
+    def _too_fast(self) -> Obstruction | None:
+        """That the shortest motions of the quickest routes last longer than is asked for."""
+        if self.finisher.shortest:
+            return None
+        shortest = [np.inf]
+        for route in self._finder.quickest(_ROUTES, _DISTANCE):
+            q = self.finisher.closed(self._finder.postures(route), self.course)
+            wanted = self.wanted(q, self.duration)
+            found = self.finisher.shaper.shortest(self.course, q, wanted)
+            shortest += [found.duration] if found.converged else []
+        least = min(shortest)
+        if not self.duration < least < np.inf:
+            return None
+        return too_fast(self._machinery, self._finder, self.course, self.duration, least)
+
+
+def _value(tried: Tried) -> float:
+    return -np.inf if tried.value is None else tried.value

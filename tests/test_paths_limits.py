@@ -1,0 +1,137 @@
+"""Motions within torque limits, and what is said where there are none."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+
+import copose
+import path_problems
+from cells import planar
+from object_path import ObjectPath
+
+LENGTH, MASS, INERTIA, GRAVITY, LOAD = 0.4, 1.0, 0.03, 9.81, 0.5
+LIMITS = np.array([20.0, 8.0])
+
+
+def with_limits(cell: dict, *limits: float, **constraints: bool) -> dict:
+    """The same where every arm has torque limits that are to be kept."""
+    limited = copy.deepcopy(cell)
+    for arm in limited["arms"]:
+        arm["torque_limits"] = list(limits)
+    return limited | {"constraints": constraints}
+
+
+def two_jointed(**settings: object) -> dict:
+    """An arm without a degree of freedom to spare carries a point mass."""
+    cell = planar(1)
+    cell["object"] |= {"mass": LOAD}
+    link = {"length": LENGTH, "mass": MASS, "inertia": INERTIA, "com": LENGTH / 2}
+    cell["arms"][0] |= {
+        "links": [link, link],
+        "base": {"position": [0.0, 0.0]},
+        "grasp": {"position": [0.0, 0.0]},
+    }
+    return path_problems.along(
+        cell | {"world": {"gravity": [0.0, -GRAVITY]}},
+        {"position": [0.5, 0.0]}, {"position": [0.4, 0.4]}, **settings,
+    )  # fmt: skip
+
+
+def torques_of_two_joints(cell: dict, duration: float, elbow: float) -> np.ndarray:
+    """By Lagrange's equations of two links and a point mass, at 400 instants, (400, 2)."""
+    path, half = ObjectPath(cell, duration), LENGTH / 2
+    found = []
+    for time in np.linspace(0.0, duration, 400):
+        now = path.at(time)
+        x, y = now.position[:2]
+        c2 = (x * x + y * y) / (2 * LENGTH**2) - 1
+        q2 = elbow * np.arccos(c2)
+        q1 = np.arctan2(y, x) - q2 / 2
+        s, c = np.array([np.sin(q1), np.sin(q1 + q2)]), np.array([np.cos(q1), np.cos(q1 + q2)])
+        J = LENGTH * np.array([[-s[0] - s[1], -s[1]], [c[0] + c[1], c[1]]])
+        v = np.linalg.solve(J, now.velocity[:2])
+        w = np.cumsum(v)
+        bend = -LENGTH * np.array([c @ w**2, s @ w**2])
+        a = np.linalg.solve(J, now.acceleration[:2] - bend)
+        # One link's mass beyond the elbow together with the load's.
+        far, inner = MASS * half + LOAD * LENGTH, MASS * half**2 + INERTIA
+        outer = inner + LOAD * LENGTH**2
+        m22 = outer
+        m12 = outer + LENGTH * far * np.cos(q2)
+        m11 = inner + (MASS + LOAD) * LENGTH**2 + outer + 2 * LENGTH * far * np.cos(q2)
+        M = np.array([[m11, m12], [m12, m22]])
+        h = LENGTH * far * np.sin(q2)
+        coriolis = np.array([-h * (2 * v[0] * v[1] + v[1] ** 2), h * v[0] ** 2])
+        g2 = GRAVITY * far * c[1]
+        g1 = GRAVITY * (MASS * half + (MASS + LOAD) * LENGTH) * c[0] + g2
+        found.append(M @ a + coriolis + [g1, g2])
+    return np.array(found)
+
+
+def test_the_shortest_duration_of_an_arm_without_choice_is_what_torques_allow() -> None:
+    cell = with_limits(two_jointed(duration="shortest"), *LIMITS, dynamic_torque=True)
+    motion = copose.plan(copose.parse(cell))
+    assert motion.status == "solved", motion.reason
+    shortest = []
+    for elbow in (-1.0, 1.0):
+        low, high = 0.05, 5.0
+        while high - low > 1e-4:
+            middle = (low + high) / 2
+            torque = torques_of_two_joints(cell, middle, elbow)
+            low, high = (low, middle) if np.all(np.abs(torque) <= LIMITS) else (middle, high)
+        shortest.append(high)
+    assert motion.duration == pytest.approx(min(shortest), rel=0.01)
+    torque = np.array([knot.torque["a1"] for knot in motion.knots])
+    assert 0.98 < (np.abs(torque) / LIMITS).max() <= 1 + 1e-6
+
+
+@pytest.mark.parametrize("part", [1.0, 0.5, 0.4])
+def test_the_shortest_motion_may_be_one_that_torques_alone_limit(part: float) -> None:
+    cell = path_problems.hinged(duration="shortest")
+    limits = [part * T for T in (20.0, 15.0, 8.0)]
+    motion = copose.plan(copose.parse(with_limits(cell, *limits, dynamic_torque=True)))
+    assert motion.status == "solved", motion.reason
+    shares = np.array([[knot.torque[a] for a in ("a1", "a2")] for knot in motion.knots]) / limits
+    assert 0.98 < np.abs(shares).max() <= 1 + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("part", "constraint", "words"),
+    [
+        (0.35, "static_torque", [" s: no posture holds the object at rest", "a1/joint2", "1.15"]),
+        (0.2, "static_torque", [" s: no posture holds the object at rest"]),
+        (0.3, "dynamic_torque", ["arm 'a1', ", "'joint2' needs 1.3 times its torque limit"]),
+    ],
+)
+def test_torque_limits_that_are_too_small_are_named(
+    part: float, constraint: str, words: list[str]
+) -> None:
+    limits = [part * T for T in (20.0, 15.0, 8.0)]
+    cell = with_limits(path_problems.hinged(), *limits, **{constraint: True})
+    motion = copose.plan(copose.parse(cell))
+    assert motion.status == "infeasible"
+    assert motion.reason is not None
+    assert motion.reason.endswith("(torque)")
+    assert all(word in motion.reason for word in words), motion.reason
+
+
+def test_acceleration_limits_that_are_too_small_are_named() -> None:
+    cell = path_problems.hinged()
+    for arm in cell["arms"]:
+        arm["acceleration_limits"] = [0.1] * 3
+    motion = copose.plan(copose.parse(cell))
+    assert motion.status == "infeasible"
+    assert motion.reason is not None
+    assert motion.reason.endswith("times its acceleration limit (acceleration)")
+
+
+def test_what_programs_miss_by_little_is_not_called_infeasible() -> None:
+    limits = [0.385 * T for T in (20.0, 15.0, 8.0)]
+    cell = with_limits(path_problems.hinged(), *limits, dynamic_torque=True)
+    motion = copose.plan(copose.parse(cell))
+    assert motion.status == "failed"
+    assert motion.reason is not None
+    assert "needs 1.02 times its torque limit" in motion.reason
