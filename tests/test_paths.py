@@ -16,7 +16,7 @@ from copose.cli import main
 from copose.paths.checking import between_bodies
 from copose.paths.course import Course
 from copose.paths.journey import Journey
-from copose.paths.lattice import Lattice
+from copose.paths.lattice import Lattice, Moves
 from copose.paths.roadmap import SPACING, Roadmap
 from copose.paths.tracking import Tracked, tracked
 from copose.planning.cell import Cell
@@ -392,12 +392,12 @@ def test_the_lattice_finds_what_enumeration_finds(seed: int) -> None:
         return [np.where(rng.random(c.shape) < 0.2, np.inf, c) for c in found]
 
     values = [rng.uniform(0, 1, tuple(counts[k])) for k in range(layers)]
-    lattice = Lattice(values, costs(0), costs(1))
+    lattice = Lattice(values, list(map(Moves, costs(0))), list(map(Moves, costs(1))))
     best, widest, least = -np.inf, -np.inf, np.inf
     for nodes in np.ndindex(*counts.ravel()):
         path = np.array(nodes).reshape(layers, 2)
         moves = [
-            (one[path[k, 0], path[k + 1, 0]], other[path[k, 1], path[k + 1, 1]])
+            (one.costs[path[k, 0], path[k + 1, 0]], other.costs[path[k, 1], path[k + 1, 1]])
             for k, (one, other) in enumerate(zip(lattice.one, lattice.other, strict=True))
         ]
         worth = [values[k][tuple(pair)] for k, pair in enumerate(path)]

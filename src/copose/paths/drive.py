@@ -20,7 +20,7 @@ from copose.poses import Array
 # The part of the tolerance from which on slopes are bent to close.
 _PART = 0.3
 # Steps back within speed limits, and how far inside they aim.
-_CLIPS, _INSIDE = 60, 1 - 1e-7
+_CLIPS, _INSIDE = 60, 1 - 1e-4
 
 
 @dataclass(frozen=True, eq=False)

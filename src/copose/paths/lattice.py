@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -29,25 +30,55 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
+class Moves:
+    """Moves of an arm from a layer to the next.
+
+    Attributes:
+        costs: ∞ where there is no move, (count before, count).
+    """
+
+    costs: Array
+
+    @cached_property
+    def arrivals(self) -> tuple[Indices, Array]:
+        """From which postures each can be come to, and at what cost, (few, count) each: a posture
+        has few moves to it, and only these are compared.
+        """
+        finite = np.isfinite(self.costs)
+        most = max(int(finite.sum(axis=0).max(initial=0)), 1)
+        before = np.argsort(~finite, axis=0, kind="stable")[:most]
+        return before, np.take_along_axis(self.costs, before, axis=0)
+
+    @cached_property
+    def back(self) -> Moves:
+        """The same from the next layer to this."""
+        return Moves(self.costs.T)
+
+
+@dataclass(frozen=True, eq=False)
 class Lattice:
     """Combinations of two arms' postures and moves between them; one arm is beside a still one.
 
     Attributes:
         values: by layer, −∞ where a combination is not allowed, (count, count').
-        one: costs of the first arm's moves by layer after the first, ∞ where there is none,
-            (count before, count).
+        one: the first arm's moves by layer after the first.
         other: alike of the second.
     """
 
     values: Sequence[Array]
-    one: Sequence[Array]
-    other: Sequence[Array]
+    one: Sequence[Moves]
+    other: Sequence[Moves]
 
     def best(self, most: int, far: Far | None = None) -> list[Found]:
         """The best routes through combinations of the middle layer that are far apart."""
         ahead = _Table(self)
         if not np.isfinite(ahead.worth[-1]).any():
             return []
+        if far is None:
+            last = ahead.worth[-1]
+            i, j = divmod(int(last.argmax()), last.shape[1])
+            nodes = ahead.back(len(self.values) - 1, i, j)[::-1]
+            return [Found(np.array(nodes, dtype=np.intp), float(last[i, j]))]
         behind = _Table(self.reversed)
         middle = len(self.values) // 2
         back = len(self.values) - 1 - middle
@@ -58,11 +89,9 @@ class Lattice:
         order = order[: int(usable.sum())]
         found: list[Found] = []
         while len(order) and len(found) < most:
-            i, j = (int(x) for x in np.unravel_index(order[0], total.shape))
+            i, j = divmod(int(order[0]), total.shape[1])
             nodes = [*ahead.back(middle, i, j)[::-1], *behind.back(back, i, j)[1:]]
             found.append(Found(np.array(nodes, dtype=np.intp), float(total[i, j])))
-            if far is None:
-                break
             rows, columns = np.unravel_index(order, total.shape)
             order = order[far(rows, columns, i, j)]
         return found
@@ -110,8 +139,8 @@ class Lattice:
         """The least that the largest cost of a move on a route can be; ∞ where there is none."""
         B = np.where(np.isfinite(self.values[0]), 0.0, np.inf)
         for value, one, other in zip(self.values[1:], self.one, self.other, strict=True):
-            G = np.maximum(B[:, None, :], one[:, :, None]).min(axis=0)
-            B = np.maximum(G[:, :, None], other[None]).min(axis=1)
+            G = np.maximum(B[:, None, :], one.costs[:, :, None]).min(axis=0)
+            B = np.maximum(G[:, :, None], other.costs[None]).min(axis=1)
             B[~np.isfinite(value)] = np.inf
         return float(B.min(initial=np.inf))
 
@@ -135,9 +164,8 @@ class Lattice:
     @property
     def reversed(self) -> Lattice:
         """The same from the last layer to the first."""
-        return Lattice(
-            self.values[::-1], [c.T for c in self.one[::-1]], [c.T for c in self.other[::-1]]
-        )
+        one, other = ([moves.back for moves in arm[::-1]] for arm in (self.one, self.other))
+        return Lattice(self.values[::-1], one, other)
 
     def only(self, k: int, axis: int, number: int) -> Lattice:
         """With all but one posture of an arm ruled out in a layer."""
@@ -152,9 +180,8 @@ class Lattice:
         """By layer, the largest least value of routes to each combination."""
         found = [self.values[0]]
         for value, one, other in zip(self.values[1:], self.one, self.other, strict=True):
-            G = np.where(np.isfinite(one)[:, :, None], found[-1][:, None, :], -np.inf).max(axis=0)
-            G = np.where(np.isfinite(other)[None], G[:, :, None], -np.inf).max(axis=1)
-            found.append(np.minimum(G, value))
+            G = _widest_before(found[-1], one)
+            found.append(np.minimum(_widest_before(G.T, other).T, value))
         return found
 
 
@@ -189,22 +216,25 @@ class _Table:
         return found
 
 
-def _best_before(worth: Array, costs: Array) -> tuple[Array, Indices]:
+def _best_before(worth: Array, moves: Moves) -> tuple[Array, Indices]:
     """The most that each posture can be come to with, and from which before.
-
-    A posture has few moves to it: only these are compared.
 
     Args:
         worth: of combinations with the other arm's, (count before, count').
-        costs: of the moves, infinite where there is none, (count before, count).
+        moves: to the next layer, (count before, count).
 
     Returns:
         (count, count') each.
     """
-    finite = np.isfinite(costs)
-    most = max(int(finite.sum(axis=0).max(initial=0)), 1)
-    before = np.argsort(~finite, axis=0, kind="stable")[:most]
-    steps = worth[before] - np.take_along_axis(costs, before, axis=0)[:, :, None]
+    before, costs = moves.arrivals
+    steps = worth[before] - costs[:, :, None]
     best = steps.argmax(axis=0)
     found = np.take_along_axis(steps, best[None], axis=0)[0]
     return found, before[best, np.arange(before.shape[1])[:, None]]
+
+
+def _widest_before(widest: Array, moves: Moves) -> Array:
+    """The largest least value with which each posture can be come to, (count, count')."""
+    before, costs = moves.arrivals
+    steps = np.where(np.isfinite(costs)[:, :, None], widest[before], -np.inf)
+    return np.asarray(steps.max(axis=0))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from copose.paths.lattice import Far, Found, Lattice
+from copose.paths.lattice import Far, Found, Lattice, Moves
 from copose.paths.roadmap import Roadmap
 from copose.paths.values import Values
 from copose.poses import Array, Indices, Mask
@@ -23,6 +25,8 @@ _BESIDE = 1.3
 _PEAKED = 8
 # Random routes that exchange improves where there are more than two arms, and sweeps.
 _DRAWN, _SWEEPS, _GAIN = 8, 8, 1e-9
+# Of these, how many are improved by two arms at a time.
+_POLISHED = 2
 # Combinations that a closed motion may begin with of which so many are tried, some rad or m apart.
 _BEGINNINGS, _BEGIN_APART = 8, 0.5
 
@@ -98,16 +102,20 @@ class Finder:
         self.values, self._roadmaps, self._worth = values, tuple(roadmaps), worth
         self._returns, self._seed = returns, seed
         self._count = len(roadmaps[0].layers)
-        self._costs = [worth.costs(roadmap, i) for i, roadmap in enumerate(roadmaps)]
+        self._every = tuple(range(len(roadmaps)))
+        self._moves = [
+            [Moves(costs) for costs in worth.costs(roadmap, i)]
+            for i, roadmap in enumerate(roadmaps)
+        ]
         self._ends = [roadmap.ends() for roadmap in roadmaps] if returns else []
         self.lattice: Lattice | None = None
         if len(roadmaps) <= 2:
             pairs = [values.pairs(k) for k in range(self._count)]
-            self.lattice = self._held(self._moving(pairs, self._costs), self._roadmaps)
+            self.lattice = self._held(self._moving(pairs, self._moves), self._roadmaps)
 
-    def _moving(self, values: Sequence[Array], costs: Sequence[Sequence[Array]]) -> Lattice:
-        still = [np.zeros((1, 1))] * (self._count - 1)
-        return Lattice(values, costs[0], costs[1] if len(costs) > 1 else still)
+    def _moving(self, values: Sequence[Array], moves: Sequence[Sequence[Moves]]) -> Lattice:
+        still = [Moves(np.zeros((1, 1)))] * (self._count - 1)
+        return Lattice(values, moves[0], moves[1] if len(moves) > 1 else still)
 
     @staticmethod
     def _held(lattice: Lattice, roadmaps: Sequence[Roadmap]) -> Lattice:
@@ -121,9 +129,9 @@ class Finder:
         if self.lattice is None:
             found = self._exchanged()
         elif self._returns:
-            found = self._closed(self.lattice)
+            found = self._closed(self._every, self.lattice)
         else:
-            found = self._best(self.lattice, most, distance)
+            found = self._far_apart(self.lattice, most, distance, self._aggregated)
         chosen: list[Route] = []
         for route in sorted(found, key=lambda each: -each.worth):
             if len(chosen) < most and all(self._apart(route, c) > distance for c in chosen):
@@ -140,7 +148,7 @@ class Finder:
         if not 0 < least < np.inf:
             return []
         paces = [
-            [(layer.pace(speed) / least) ** _PEAKED for layer in roadmap.layers[1:]]
+            [Moves((layer.pace(speed) / least) ** _PEAKED) for layer in roadmap.layers[1:]]
             for roadmap, speed in zip(self._roadmaps, self._worth.speeds, strict=True)
         ]
         allowed = [np.where(np.isfinite(v), 0.0, -np.inf) for v in self.lattice.values]
@@ -157,7 +165,7 @@ class Finder:
     def least_interval(self) -> float:
         """The least time between layers, s, in which some route's slowest joints can follow it."""
         paces = [
-            [layer.pace(speed) for layer in roadmap.layers[1:]]
+            [Moves(layer.pace(speed)) for layer in roadmap.layers[1:]]
             for roadmap, speed in zip(self._roadmaps, self._worth.speeds, strict=True)
         ]
         if self.lattice is not None:
@@ -191,9 +199,6 @@ class Finder:
             columns.append(np.array(q))
         return np.hstack(columns)
 
-    def _best(self, lattice: Lattice, most: int, distance: float) -> list[Route]:
-        return self._far_apart(lattice, most, distance, self._aggregated)
-
     def _far_apart(
         self,
         lattice: Lattice,
@@ -211,8 +216,7 @@ class Finder:
             return np.asarray(np.abs(np.hstack(apart)).max(axis=1) > distance)
 
         found = best(lattice, most, far if most > 1 else None)
-        K = len(self._roadmaps)
-        return [Route(each.nodes[:, :K], each.worth) for each in found]
+        return [Route(each.nodes[:, : len(q)], each.worth) for each in found]
 
     def _aggregated(self, lattice: Lattice, most: int, far: Far | None = None) -> list[Found]:
         weighed = [values / self._count for values in lattice.values]
@@ -225,9 +229,11 @@ class Finder:
             found += [Found(each.nodes, lattice.worst_of(each, weighed)) for each in mean]
         return found
 
-    def _closed(self, lattice: Lattice) -> list[Route]:
-        """Routes that end with the combination that they begin with, of the most promising."""
-        ends = [*self._ends, np.zeros(1, dtype=np.intp)][:2]
+    def _closed(self, arms: tuple[int, ...], lattice: Lattice) -> list[Route]:
+        """Routes of one or two arms that end with the combination that they begin with, of the
+        most promising.
+        """
+        ends = [*(self._ends[i] for i in arms), np.zeros(1, dtype=np.intp)][:2]
         bound = lattice.reversed
         # What may follow the first combinations, come what may in the end.
         promise = np.where(np.isfinite(lattice.values[0]), 0.0, -np.inf)
@@ -241,12 +247,13 @@ class Finder:
             i, j = (int(x) for x in np.unravel_index(number, promise.shape))
             if len(tried) == _BEGINNINGS:
                 break
-            if any(self._beside((i, j), known) for known in tried):
+            if any(self._beside(arms, (i, j), known) for known in tried):
                 continue
             tried.append((i, j))
             held = lattice.only(0, 0, i).only(0, 1, j)
             held = held.only(-1, 0, int(ends[0][i])).only(-1, 1, int(ends[1][j]))
-            found += self._best(held, 1, np.inf)
+            best = self._aggregated(held, 1)
+            found += [Route(each.nodes[:, : len(arms)], each.worth) for each in best]
         return found
 
     def _following(self, backward: Lattice) -> Array:
@@ -255,62 +262,80 @@ class Finder:
         weighed = [values / self._count for values in backward.values]
         return Lattice(weighed, backward.one, backward.other).ending
 
-    def _beside(self, one: tuple[int, ...], other: tuple[int, ...]) -> bool:
+    def _beside(self, arms: tuple[int, ...], one: tuple[int, ...], other: tuple[int, ...]) -> bool:
+        mine = [self._roadmaps[i] for i in arms]
         return all(
             np.abs(r.apart(r.layers[0].q[a], r.layers[0].q[b])).max() < _BEGIN_APART
-            for r, a, b in zip(self._roadmaps, one, other, strict=False)
+            for r, a, b in zip(mine, one, other, strict=False)
         )
 
     def _exchanged(self) -> list[Route]:
-        """Random routes, improved arm by arm beside the others' until none gets better."""
+        """Random routes, improved arm by arm beside the others' until none gets better, and the
+        best of them two arms at a time.
+        """
         found = []
         rng = np.random.default_rng([self._seed, len(self._roadmaps), 7])
-        for _ in range(_DRAWN):
+        single = [(i,) for i in self._every]
+        for number in range(_DRAWN):
             columns = []
             for i, roadmap in enumerate(self._roadmaps):
                 drawn = [rng.uniform(size=(len(layer.q), 1)) for layer in roadmap.layers]
-                mine = self._alone(i, drawn, None)
+                mine = self._some((i,), drawn)
                 if mine is None:
                     return []
                 columns.append(mine.nodes[:, 0])
-            nodes, worth = np.column_stack(columns), -np.inf
-            for _ in range(_SWEEPS):
-                before = worth
-                for i in range(len(self._roadmaps)):
-                    worth = self._exchange(nodes, i, worth)
-                if not worth > before + _GAIN:
-                    break
-            if np.isfinite(worth):
-                found.append(Route(nodes, worth))
-        return found
+            route = Route(np.column_stack(columns), -np.inf)
+            if number % 2 and self._worth.aggregate == "worst":
+                # What is good on average is a different place to start from.
+                route = Route(self._of_means._swept(route, single).nodes, -np.inf)
+            route = self._swept(route, single)
+            found += [route] if np.isfinite(route.worth) else []
+        found.sort(key=lambda route: -route.worth)
+        double = list(itertools.combinations(self._every, 2))
+        return [self._swept(route, double) for route in found[:_POLISHED]] + found[_POLISHED:]
 
-    def _exchange(self, nodes: Indices, i: int, worth: float) -> float:
-        """Put the best route of arm i beside the others' in its place; what all come to then."""
-        values = [self.values.beside(k, i, nodes[k])[:, None] for k in range(self._count)]
-        better = self._alone(i, values, int(nodes[0, i]) if self._returns else None)
+    @property
+    def _of_means(self) -> Finder:
+        """The same where the mean counts."""
+        other = copy(self)
+        other._worth = replace(self._worth, aggregate="mean")
+        return other
+
+    def _swept(self, route: Route, groups: Sequence[tuple[int, ...]]) -> Route:
+        """A route improved by groups of arms, one after the other, until none gets better."""
+        since = 0
+        for arms in itertools.islice(itertools.cycle(groups), _SWEEPS * len(groups)):
+            better = self._exchange(route, arms)
+            since = since + 1 if better.worth <= route.worth + _GAIN else 1
+            route = better if better.worth > route.worth else route
+            if since == len(groups) and np.isfinite(route.worth):
+                break
+        return route
+
+    def _exchange(self, route: Route, arms: tuple[int, ...]) -> Route:
+        """With the best routes of some arms beside the others'."""
+        values = [self.values.beside(k, arms, nodes) for k, nodes in enumerate(route.nodes)]
+        better = self._some(arms, values)
         if better is None:
-            return worth
-        nodes[:, i] = better.nodes[:, 0]
+            return route
+        nodes = route.nodes.copy()
+        nodes[:, list(arms)] = better.nodes
         others = [
-            cost[a, b]
-            for j, costs in enumerate(self._costs)
-            if j != i
-            for cost, a, b in zip(costs, nodes[:-1, j], nodes[1:, j], strict=True)
+            each.costs[a, b]
+            for j, moves in enumerate(self._moves)
+            if j not in arms
+            for each, a, b in zip(moves, nodes[:-1, j], nodes[1:, j], strict=True)
         ]
-        return better.worth - float(sum(others))
+        return Route(nodes, better.worth - float(sum(others)))
 
-    def _alone(self, i: int, values: Sequence[Array], begin: int | None) -> Found | None:
-        """The best route of one arm; where the motion is closed, back to where it begins."""
-        lattice = self._held(self._moving(values, [self._costs[i]]), [self._roadmaps[i]])
+    def _some(self, arms: tuple[int, ...], values: Sequence[Array]) -> Route | None:
+        """The best route of one or two arms; where the motion is closed, back to its beginning."""
+        moving = self._moving(values, [self._moves[i] for i in arms])
+        lattice = self._held(moving, [self._roadmaps[i] for i in arms])
         if self._returns:
-            ends = self._ends[i]
-            if begin is None:
-                first = np.where(ends >= 0, lattice.values[0][:, 0], -np.inf)
-                if not np.isfinite(first).any():
-                    return None
-                begin = int(first.argmax())
-            lattice = lattice.only(0, 0, begin).only(-1, 0, int(ends[begin]))
-        return next(iter(self._aggregated(lattice, 1)), None)
+            return max(self._closed(arms, lattice), key=lambda each: each.worth, default=None)
+        best = next(iter(self._aggregated(lattice, 1)), None)
+        return None if best is None else Route(best.nodes[:, : len(arms)], best.worth)
 
     def _apart(self, one: Route, other: Route) -> float:
         """The largest difference of a joint in any layer, rad or m."""

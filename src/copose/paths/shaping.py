@@ -253,12 +253,12 @@ class Shaper:
             shortest: whether the motion may last longer for that, as little as can be.
         """
         case = self._case(course, wanted)
-        for _ in range(_TIGHTENINGS):
+        for number in range(_TIGHTENINGS):
             used = self._used(course, found)
             if not found.converged or used.within:
                 return found
             if shortest and used.forces_within:
-                longer = found.duration * used.speeds.max() * (1 + _LEAST)
+                longer = found.duration * used.speeds.max() * (1 + _LEAST * 10.0 ** (number // 2))
                 found = replace(found, duration=float(longer))
                 continue
             case = replace(

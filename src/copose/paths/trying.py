@@ -29,9 +29,9 @@ from copose.planning.giving_way import heaviest
 from copose.planning.machinery import Machinery
 from copose.poses import Array
 
-# Routes that are optimised, and where an arm has more than one degree of freedom to spare or forces
-# are limited, of which the graph knows little; they differ by more than this in some joint and
-# layer, rad or m.
+# Routes that are optimised, and where the graph knows less: an arm has more than one degree of
+# freedom to spare, forces are limited, or there are more than two arms; they differ by more than
+# this in some joint and layer, rad or m.
 _ROUTES, _MORE_ROUTES, _DISTANCE = 3, 6, 0.3
 # Joints that differ by less, rad or m, are those of one motion.
 _SAME = 1e-3
@@ -156,7 +156,8 @@ class Trial:
         machinery = self._machinery
         shortest, forceful = self.finisher.shortest, self.finisher.shaper.forceful
         simple = all(roadmap.simple for roadmap in self.roadmaps)
-        most = _ROUTES if simple and not forceful else _MORE_ROUTES
+        sure = simple and not forceful and len(self.roadmaps) <= 2
+        most = _ROUTES if sure else _MORE_ROUTES
         routes = self._finder.routes(most, _DISTANCE)
         if not routes:
             why = self._unheld() if self._limited else None

@@ -86,33 +86,50 @@ class Values:
 
     def pairs(self, k: int) -> Array:
         """Of all combinations of two arms' postures, (count, count'), of one arm (count, 1)."""
+        nothing, arms = np.zeros(len(self._roadmaps), dtype=np.intp), range(len(self._roadmaps))
         if k not in self._pairs:
-            self._pairs[k] = self._evaluated(k)
-        values = self._pairs[k].copy()
-        rows, columns = np.nonzero(np.isfinite(values))
-        chosen = np.column_stack([rows, columns])[:, : len(self._roadmaps)]
-        values[rows, columns] -= self._heavy(k, chosen)
+            self._pairs[k] = self._light(k, tuple(arms), nothing)
+        return self._weighed(k, tuple(arms), nothing, self._pairs[k].copy())
+
+    def beside(self, k: int, arms: tuple[int, ...], nodes: Indices) -> Array:
+        """Of all combinations of one or two arms' postures beside some of the others', (count,
+        count'), of one arm (count, 1).
+        """
+        return self._weighed(k, arms, nodes, self._light(k, arms, nodes))
+
+    def _light(self, k: int, arms: tuple[int, ...], nodes: Indices) -> Array:
+        """As if the object weighed nothing."""
+        terms = self._terms[k]
+        one, *other = [
+            np.flatnonzero(self._clear[k][i]) if self._clear else np.arange(len(terms[i]))
+            for i in arms
+        ]
+        sums = terms[arms[0]][one][:, None]
+        for j, mine in enumerate(terms):
+            if j not in arms:
+                sums = sums + mine[nodes[j]]
+        columns = other[0] if other else np.zeros(1, dtype=np.intp)
+        if other:
+            sums = sums + terms[arms[1]][columns][None]
+        counts = [len(terms[i]) for i in arms]
+        values = np.full((counts[0], counts[1] if other else 1), -np.inf)
+        found = self._of(k, sums.reshape(-1, sums.shape[2]))
+        values[np.ix_(one, columns)] = found.reshape(sums.shape[:2])
+        if self._clear and len(terms) > 1:
+            self._keep_apart(k, arms, nodes, values)
         return values
 
-    def _evaluated(self, k: int) -> Array:
-        terms = self._terms[k]
-        counts = [len(mine) for mine in terms]
-        masks = self._clear[k] if self._clear else [np.ones(n, dtype=bool) for n in counts]
-        one = np.flatnonzero(masks[0])
-        other = np.flatnonzero(masks[1]) if len(terms) > 1 else np.zeros(1, dtype=np.intp)
-        sums = terms[0][one][:, None] + (terms[1][other][None] if len(terms) > 1 else 0.0)
-        values = np.full((counts[0], counts[1] if len(terms) > 1 else 1), -np.inf)
-        values[np.ix_(one, other)] = self._of(k, sums.reshape(-1, sums.shape[2])).reshape(
-            sums.shape[:2]
-        )
-        if self._clear and len(terms) > 1:
-            self._keep_apart(k, values)
+    def _weighed(self, k: int, arms: tuple[int, ...], nodes: Indices, values: Array) -> Array:
+        """Less what it costs to hold the object with more than the torque limits."""
+        if self._holding:
+            usable = np.isfinite(values)
+            values[usable] -= self._heavy(k, _chosen(arms, nodes, usable))
         return values
 
     def _heavy(self, k: int, chosen: Indices) -> Array:
         """What it costs that combinations, (count, K), hold the object with more than they have."""
-        if not self._holding or not len(chosen):
-            return np.zeros(len(chosen))
+        if not len(chosen):
+            return np.zeros(0)
         alone, hold = self._holding[k]
         dynamics = alone.combined(list(chosen.T))
         shares = dynamics.quick_shares(hold)
@@ -123,35 +140,18 @@ class Values:
         self.shares[k] = min(self.shares[k], shares.min())
         return np.asarray(_TOO_HEAVY * np.maximum(shares - 1.0, 0.0) ** 2)
 
-    def _keep_apart(self, k: int, values: Array) -> None:
-        """Rule out the pairs that are too near each other."""
-        rows, columns = np.nonzero(np.isfinite(values))
-        if not len(rows):
+    def _keep_apart(self, k: int, arms: tuple[int, ...], nodes: Indices, values: Array) -> None:
+        """Rule out combinations that are too near each other."""
+        usable = np.isfinite(values)
+        chosen = _chosen(arms, nodes, usable)
+        if not len(chosen):
             return
-        pairs = np.column_stack([rows, columns])
-        near = ~self._apart(k, pairs)
-        if near.all():
+        clear = self._apart(k, chosen)
+        if not clear.any():
             # Capsules would have it that nothing is clear: bodies decide.
-            best = np.argsort(-values[rows, columns], kind="stable")[:_MEASURED_PAIRS]
-            near[best] = ~self._exactly(k, pairs[best])
-        values[rows[near], columns[near]] = -np.inf
-
-    def beside(self, k: int, i: int, nodes: Indices) -> Array:
-        """Of all postures of arm i beside some of the others', (count,)."""
-        terms = self._terms[k]
-        rest = np.sum([mine[node] for mine, node in zip(terms, nodes, strict=True)], axis=0)
-        values = self._of(k, terms[i] + (rest - terms[i][nodes[i]]))
-        if self._clear:
-            values[~self._clear[k][i]] = -np.inf
-            rows = np.flatnonzero(np.isfinite(values))
-            chosen = np.tile(nodes, (len(rows), 1))
-            chosen[:, i] = rows
-            values[rows[~self._apart(k, chosen)]] = -np.inf
-        rows = np.flatnonzero(np.isfinite(values))
-        chosen = np.tile(nodes, (len(rows), 1))
-        chosen[:, i] = rows
-        values[rows] -= self._heavy(k, chosen)
-        return values
+            best = np.argsort(-values[usable], kind="stable")[:_MEASURED_PAIRS]
+            clear[best] = self._exactly(k, chosen[best])
+        values[usable] = np.where(clear, values[usable], -np.inf)
 
     def _of(self, k: int, sums: Array) -> Array:
         machinery, setting = self._machinery, self._course.settings[k]
@@ -190,3 +190,11 @@ class Values:
             shared = setting.clearance.shared
             clear[setting.clearance.near(setting.cell, q, shared, 0.0).rows] = False
         return clear
+
+
+def _chosen(arms: tuple[int, ...], nodes: Indices, usable: Mask) -> Indices:
+    """Combinations, (count, K), of one or two arms' postures beside the others'."""
+    found = np.argwhere(usable)
+    chosen = np.tile(nodes, (len(found), 1))
+    chosen[:, list(arms)] = found[:, : len(arms)]
+    return chosen
