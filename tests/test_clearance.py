@@ -408,20 +408,21 @@ def test_capsules_are_as_near_as_the_scene_has_them(
     np.testing.assert_array_equal(np.sort(part.spare), np.sort(near.spare[here]))
 
 
-def test_arms_combined_are_where_they_are_together(
+def test_arms_alone_keep_apart_as_they_do_together(
     kernels: tuple[Setting, Cell, Clearance],
 ) -> None:
     setting, cell, clearance = kernels
-    q = postures(setting, 5, 6)
+    q = postures(setting, 40, 6)
     alone = [
         clearance.placed(cell, [mine if j == i else None for j, mine in enumerate(q)])
         for i in range(2)
     ]
-    chosen = np.array([[0, 3], [4, 1], [2, 2]])
-    both = clearance.combined(alone, chosen)
-    wanted = clearance.placed(cell, [mine[k] for mine, k in zip(q, chosen.T, strict=True)])
-    np.testing.assert_allclose(both.points, wanted.points, atol=1e-12)
-    np.testing.assert_allclose(both.centres, wanted.centres, atol=1e-12)
+    chosen = np.argwhere(np.ones((40, 40), dtype=bool))
+    together = [mine[k] for mine, k in zip(q, chosen.T, strict=True)]
+    clear = np.ones(len(chosen), dtype=bool)
+    clear[clearance.near(cell, together, clearance.shared, 0.0).rows] = False
+    assert 0 < clear.sum() < len(clear)
+    np.testing.assert_array_equal(clearance.keep_apart(alone, chosen), clear)
 
 
 KINDS = ["any", "parallel", "collinear", "crossing", "point", "points", "nearly parallel", "joined"]

@@ -173,7 +173,26 @@ def test_knots_are_added_where_the_chain_opens_between_them() -> None:
 def test_three_arms() -> None:
     cell = along(planar(3), {"position": [-0.1, 0.1]}, {"position": [0.1, 0.15]}, knots=25)
     worths = [planned(cell, seed=seed).objective.after for seed in range(3)]
-    assert np.ptp(worths) < 0.02
+    assert np.ptp(worths) < 1e-5
+
+
+def test_three_hinged_arms_turn_an_object_the_same_way_from_any_seed() -> None:
+    cell = along(
+        planar(3, world=GRAVITY), {"position": [-0.1, 0.1]},
+        {"position": [0.1, 0.0], "angle": 0.4}, knots=20,
+    )  # fmt: skip
+    worths = [planned(cell, seed=seed).objective.after for seed in range(3)]
+    assert np.ptp(worths) < 1e-5
+
+
+def test_three_rigid_arms_return_to_the_same_posture_from_any_seed() -> None:
+    cell = along(
+        planar(3, 4, "planar", world=GRAVITY), {"position": [-0.1, 0.1]},
+        {"position": [0.1, 0.0], "angle": 0.4}, {"position": [-0.1, 0.1], "angle": 0},
+        knots=20, closed=True,
+    )  # fmt: skip
+    worths = [planned(cell, seed=seed).objective.after for seed in range(3)]
+    assert np.ptp(worths) < 1e-4
 
 
 def test_joints_without_limits_are_unwrapped() -> None:

@@ -87,6 +87,7 @@ class _Case:
         speeds: of joints, (N,).
         shares: of torque limits by knot, as a part, (n,).
         calm: of acceleration limits alike.
+        roughly: whether demands that the program leaves out stay out.
     """
 
     course: Course
@@ -97,6 +98,7 @@ class _Case:
     speeds: Array
     shares: Array
     calm: Array
+    roughly: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,9 +211,10 @@ class Shaper:
             q: to start from.
             wanted: what it has to keep.
             near: whether it is nearly the best.
-            roughly: whether an objective with kinks may be replaced by one without.
+            roughly: whether an objective with kinks may be replaced by one without, and demands
+                that a program leaves out may stay out.
         """
-        case = self._case(course, wanted)
+        case = replace(self._case(course, wanted), roughly=roughly)
         if self.kinked:
             rounded = self._exchanged(replace(case, form=self._form(rounded=True)), q)
             return rounded if roughly else self._sharpened(case, q, rounded)
@@ -303,7 +306,8 @@ class Shaper:
         """With demands of an objective that a program left out."""
         machinery, demands = self._machinery, self._demands(case.course, q)
         found = self._apart(case, q, demands, beside)
-        if demands is None or not machinery.dear or case.form.common in ("stretch", "share"):
+        settled = case.roughly or case.form.common in ("stretch", "share")
+        if demands is None or not machinery.dear or settled:
             return found
         for _ in range(_EXCHANGES):
             if not found.converged:

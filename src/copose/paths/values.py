@@ -11,6 +11,7 @@ from copose.capability.torque_limits import Demand, Dynamics
 from copose.paths.course import Course
 from copose.paths.roadmap import Roadmap
 from copose.planning.capacity import Capacity
+from copose.planning.clearance import Bodies
 from copose.planning.clearing import alone_clear
 from copose.planning.machinery import Machinery
 from copose.planning.objectives import EllipsoidMeasure
@@ -50,6 +51,7 @@ class Values:
         self.shares = np.zeros(len(course))
         self._holding: list[tuple[Dynamics, Demand]] = []
         self._pairs: dict[int, Array] = {}
+        self._bodies: dict[int, list[Bodies]] = {}
         self._clear = [] if machinery.clearance is None else self._alone()
 
     def within(self, capacity: Capacity) -> Values:
@@ -179,17 +181,22 @@ class Values:
 
     def _apart(self, k: int, chosen: Indices) -> Mask:
         """Which combinations, (count, K), keep the arms clear of each other."""
-        clear = np.ones(len(chosen), dtype=bool)
-        setting = self._course.settings[k]
-        assert setting.clearance is not None
-        q = [
-            roadmap.layers[k].q[column]
-            for roadmap, column in zip(self._roadmaps, chosen.T, strict=True)
-        ]
-        if len(chosen):
-            shared = setting.clearance.shared
-            clear[setting.clearance.near(setting.cell, q, shared, 0.0).rows] = False
-        return clear
+        clearance = self._course.settings[k].clearance
+        assert clearance is not None
+        return clearance.keep_apart(self._placed(k), chosen)
+
+    def _placed(self, k: int) -> list[Bodies]:
+        """Where the bodies of each arm are at its own postures."""
+        if k not in self._bodies:
+            setting, K = self._course.settings[k], len(self._roadmaps)
+            assert setting.clearance is not None
+            self._bodies[k] = [
+                setting.clearance.placed(
+                    setting.cell, [roadmap.layers[k].q if j == i else None for j in range(K)]
+                )
+                for i, roadmap in enumerate(self._roadmaps)
+            ]
+        return self._bodies[k]
 
 
 def _chosen(arms: tuple[int, ...], nodes: Indices, usable: Mask) -> Indices:

@@ -364,16 +364,32 @@ class Clearance:
         starts = np.cumsum([0, *(len(some) for some in first)])
         return np.concatenate(none + first), np.concatenate(none + second), starts
 
-    def combined(self, alone: Sequence[Bodies], chosen: Indices) -> Bodies:
-        """Combinations, (count, K), of postures of the arms that are placed one by one."""
-        points, centres = (
-            np.repeat(part[:1], len(chosen), axis=0) for part in (alone[0].points, alone[0].centres)
-        )
-        for i, (mine, column) in enumerate(zip(alone, chosen.T, strict=True)):
-            if len(self._solids[i]):
-                points[:, self._capsules[i]] = mine.points[column][:, self._capsules[i]]
-                centres[:, self._solids[i]] = mine.centres[column][:, self._solids[i]]
-        return Bodies(points, centres)
+    def keep_apart(self, alone: Sequence[Bodies], chosen: Indices) -> Mask:
+        """Which combinations of the arms' own postures keep the arms clear of each other.
+
+        Args:
+            alone: where the bodies of each arm are at its postures.
+            chosen: numbers of these, (count, K).
+        """
+        clear = np.ones(len(chosen), dtype=bool)
+        first, second, starts = self._capsule_pairs
+        for pair in self.shared:
+            (a, b), (i, j) = self.scene.pairs[pair], self._pair_arms[pair]
+            rows = np.flatnonzero(clear)
+            here, there = chosen[rows, i], chosen[rows, j]
+            gaps = np.linalg.norm(alone[i].centres[here, a] - alone[j].centres[there, b], axis=1)
+            wanted = self._clearance - self.slack[pair]
+            rows = rows[gaps < self._reach[a] + self._reach[b] + wanted]
+            for each in range(starts[pair], starts[pair + 1]):
+                rows = rows[clear[rows]]
+                one, other = first[each], second[each]
+                segments = np.empty((len(rows), 12))
+                segments[:, :6] = alone[i].points[chosen[rows, i], one].reshape(-1, 6)
+                segments[:, 6:] = alone[j].points[chosen[rows, j], other].reshape(-1, 6)
+                if len(rows):
+                    least = self._radii[one] + self._radii[other] + wanted
+                    clear[rows] = self._apart(segments, np.zeros(0))[:, 0] >= least
+        return clear
 
     def placed(self, cell: Cell, q: Sequence[Array | None]) -> Bodies:
         """Where bodies are at postures, by arm (count, n_i); of an arm that is None, nowhere."""

@@ -20,7 +20,6 @@ from copose.poses import Array, Indices, Mask
 
 # Between nodes, rad (or m).
 NODES = 0.05
-_AT_ONCE = 4096
 # Combinations whose bodies are measured where capsules are in the way; and arms of which all orders
 # are tried.
 _MEASURED, _ORDERED = 96, 4
@@ -187,11 +186,8 @@ class Grid:
         chosen = np.zeros((len(rows), len(self._arms)), dtype=np.intp)
         for column, i in enumerate(self.moving):
             chosen[:, i] = rows[:, column]
-        for first in range(0, len(rows), _AT_ONCE):
-            some = slice(first, first + _AT_ONCE)
-            near = clearance.among(clearance.combined(alone, chosen[some]), clearance.shared, 0.0)
-            hit = rows[some][np.unique(near.rows)]
-            clear[hit[:, 0], hit[:, 1]] = False
+        hit = rows[~clearance.keep_apart(alone, chosen)]
+        clear[hit[:, 0], hit[:, 1]] = False
         return clear
 
     def _own(self, i: int, clear: Mask) -> tuple[Mask, Mask]:

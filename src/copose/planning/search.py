@@ -299,10 +299,7 @@ def _screened(
 
         def clear(chosen: Indices) -> Mask:
             """Whether arms that keep clear alone keep clear of each other."""
-            found = np.ones(len(chosen), dtype=bool)
-            near = clearance.among(clearance.combined(alone, chosen), clearance.shared, 0.0)
-            found[near.rows] = False
-            return found
+            return clearance.keep_apart(alone, chosen)
 
         allowed = clear
 
