@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import copose
+import path_problems
 from cells import FILES, flat_arm, planar, tables, toml
 from copose.cli import main
 
@@ -210,6 +211,27 @@ def test_check_prints_the_chains(here: Path, capsys) -> None:
     for text in ("-2.8973", "87", "2.175", "panda_finger_joint1 = 0", "gears are ignored"):
         assert text in out
     assert not list(here.iterdir())
+
+
+def test_check_tells_the_way_of_the_object(here: Path, capsys) -> None:
+    cell = path_problems.hinged(duration=2.0)
+    (here / "way.toml").write_text(toml(cell))
+    assert main(["check", "way.toml"]) == 0
+    said = capsys.readouterr().out
+    assert "path: 2 waypoints, 0.269 m and 0.5 rad in 2 s, 0.252 m/s at most; 25 knots" in said
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"duration": "shortest"}, "path.duration: needs limits that take time to keep"),
+        ({"closed": True}, "path.closed: a closed path ends where it begins"),
+    ],
+)
+def test_check_refuses_what_path_refuses(here: Path, capsys, keys: dict, words: str) -> None:
+    (here / "way.toml").write_text(toml(path_problems.hinged(**keys)))
+    assert main(["check", "way.toml"]) == 2
+    assert words in capsys.readouterr().err
 
 
 WRONG = [

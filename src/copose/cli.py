@@ -204,12 +204,15 @@ def _compare(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
+    from copose.paths import described
     from copose.planning import check
     from copose.problem import load
     from copose.report import chains
 
-    found = check(load(arguments.problem))
-    _print(chains(found.problem.name, found.problem.task.space, found.arms, found.notes))
+    problem = load(arguments.problem)
+    found = check(problem)
+    way = described(problem, found.arms)
+    _print(chains(problem.name, problem.task.space, found.arms, found.notes, way))
     return SOLVED
 
 

@@ -104,10 +104,13 @@ class Answer:
             )
         if driven.torques is None:
             notes.append("no contact wrenches carry the object as it moves: there are no torques")
-        self.notes += list(dict.fromkeys(notes))
         step = duration / (len(course) - 1)
         rates = np.diff(np.hstack(q), axis=0) / step
         before, tracking = self._tracked(course, journey, q, duration)
+        unheeded = self._unheeded()
+        if before is not None and unheeded:
+            notes.append(f"before, least-norm tracking, does not heed {' and '.join(unheeded)}")
+        self.notes += list(dict.fromkeys(notes))
         return self._motion(
             status="solved",
             duration=duration,
@@ -121,6 +124,17 @@ class Answer:
             least_norm=tracking,
             search=search,
         )
+
+    def _unheeded(self) -> list[str]:
+        """What the motion keeps and least-norm tracking need not."""
+        constraints = self.problem.constraints
+        joints = [joint for arm in self.machinery.cell.arms for joint in arm.joints]
+        kept = {
+            "the clearance": constraints.collision,
+            "torque limits": constraints.static_torque or constraints.dynamic_torque,
+            "acceleration limits": any(np.isfinite(joint.acceleration) for joint in joints),
+        }
+        return [name for name, keeps in kept.items() if keeps]
 
     def _tracked(
         self, course: Course, journey: Journey, q: Sequence[Array], duration: float

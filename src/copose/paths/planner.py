@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import time
 
-import numpy as np
-
 from copose import kernels
-from copose.errors import InputError
 from copose.paths.answering import Answer
+from copose.paths.asking import asked
 from copose.paths.drive import Drive
 from copose.paths.finishing import Finisher
-from copose.paths.journey import Journey
 from copose.paths.making import Making
 from copose.paths.obstruction import Obstruction
 from copose.paths.reconfiguring import aim
@@ -19,7 +16,6 @@ from copose.paths.shaping import Shaper
 from copose.paths.trying import Ends
 from copose.planning.cell import Cell
 from copose.planning.climbing import Progress
-from copose.planning.freedom import Freedom
 from copose.planning.machinery import Machinery
 from copose.problem import PathSpec, PlanarWaypoint, Problem, Waypoint
 from copose.results import Motion
@@ -46,32 +42,10 @@ class PathPlanner:
         """
         began = time.perf_counter()
         self.problem = problem
-        if problem.cases or len(Freedom.of(problem)):
-            raise InputError(
-                "and a motion exclude each other; leave out one of them",
-                key="cases" if problem.cases else "freedom",
-                file=problem.source,
-            )
         self.path = problem.path if problem.path is not None else _still(problem)
-        self.journey = Journey.of(problem)
-        if self.path.closed and not self.journey.returns:
-            raise InputError(
-                "a closed path ends where it begins; make the last waypoint the first",
-                key="path.closed",
-                file=problem.source,
-            )
-        self._machinery = Machinery(Cell.of(problem)) if machinery is None else machinery
-        cell = self._machinery.cell
-        joints = [joint for arm in cell.arms for joint in arm.joints]
-        limits = [limit for joint in joints for limit in (joint.velocity, joint.acceleration)]
-        timed = problem.constraints.dynamic_torque or np.isfinite(limits).any()
-        if self.path.duration == "shortest" and not timed:
-            raise InputError(
-                "needs limits that take time to keep, and no joint has one; give velocity_limits, "
-                "acceleration_limits or [constraints] dynamic_torque, or a duration",
-                key="path.duration",
-                file=problem.source,
-            )
+        cell = Cell.of(problem) if machinery is None else machinery.cell
+        self.journey = asked(problem, self.path, cell.arms)
+        self._machinery = Machinery(cell) if machinery is None else machinery
         self._drive = Drive(self._machinery, self.journey, self.path.tolerance)
         self._shaper = Shaper(
             self._machinery,

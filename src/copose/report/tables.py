@@ -141,8 +141,12 @@ def _evidence(solution: Solution) -> str:
     return "\n".join([*placements, *lines])
 
 
-def chains(name: str, space: str, arms: tuple[Arm, ...], notes: tuple[str, ...]) -> RenderableType:
-    """The chains as they were read: joints in order, limits, efforts, what was locked."""
+def chains(
+    name: str, space: str, arms: tuple[Arm, ...], notes: tuple[str, ...], way: str | None
+) -> RenderableType:
+    """The chains as they were read: joints in order, limits, efforts, what was locked; and the way
+    of the object, where it has one.
+    """
     parts: list[RenderableType] = [heading(name, space)]
     for arm in arms:
         table = Table(
@@ -165,6 +169,8 @@ def chains(name: str, space: str, arms: tuple[Arm, ...], notes: tuple[str, ...])
         if arm.fixed:
             parts.append(Text("fixed: held at its start"))
         parts.append(Text(""))
+    if way is not None:
+        parts += [Text(way), Text("")]
     parts += note_lines(notes)
     return Group(*parts)
 
