@@ -21,8 +21,8 @@ from copose.planning.curves import SPACING, STRIDE, Curve, follow
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.moving_clear import Grid, Nodes, one_after_another
 from copose.planning.rails import Rails
-from copose.planning.roadmap import connected, walk
 from copose.planning.self_motion import thinned
+from copose.planning.walking import connected, walk
 from copose.poses import Array
 
 # Joints that differ by less are the same, rad or m.
