@@ -13,7 +13,8 @@ from copose.paths.interpolation import closed_at, opening
 from copose.paths.journey import Journey
 from copose.paths.motion_program import longest_step
 from copose.paths.obstruction import Obstruction, opens, program_failed
-from copose.paths.shaping import LONGER, Shaped, Shaper, Wanted
+from copose.paths.shaping import LONGER, Shaper
+from copose.paths.solving import Shaped, Wanted
 from copose.planning.machinery import Machinery
 from copose.poses import Array
 from copose.problem import PathSpec

@@ -10,7 +10,7 @@ import numpy as np
 from copose.paths.course import Course
 from copose.paths.roadmap import Roadmap
 from copose.paths.routes import Finder
-from copose.paths.shaping import Shaped
+from copose.paths.solving import Shaped
 from copose.paths.straining import Strain
 from copose.planning.closing import CLOSED, project
 from copose.planning.machinery import Machinery

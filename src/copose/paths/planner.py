@@ -53,7 +53,7 @@ class PathPlanner:
             worst=self.path.aggregate == "worst",
             smoothness=self.path.smoothness,
         )
-        self._shaper.task()
+        self._kernels = (*self._shaper.kernels, *self._drive.kernels)
         self.build_s = time.perf_counter() - began
 
     def compile(self) -> bool:
@@ -62,7 +62,7 @@ class PathPlanner:
 
     def _compiled(self, *, wait: bool) -> bool:
         searching = self._machinery.compiled(wait=wait)
-        moving = kernels.build((*self._shaper.task().kernels, *self._drive.kernels), wait=wait)
+        moving = kernels.build(self._kernels, wait=wait)
         return searching and moving
 
     def plan(

@@ -20,7 +20,7 @@ from copose.paths.obstruction import (
 )
 from copose.paths.roadmap import Roadmap
 from copose.paths.routes import Finder, Route, Worth
-from copose.paths.shaping import Shaped, Wanted
+from copose.paths.solving import Shaped, Wanted
 from copose.paths.straining import Strain, largest_strain
 from copose.paths.values import Values
 from copose.planning.capacity import HELD

@@ -1,0 +1,281 @@
+"""The sparse program of a motion, solved as often as it takes.
+
+What a program leaves out joins it where its answer breaks it: pairs of bodies that it has run into,
+and facets of an exact set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from copose.capability.torque_limits import Demand
+from copose.paths.course import Course
+from copose.paths.drive import Drive
+from copose.paths.knot_task import OVER, Form, KnotTask
+from copose.paths.motion_program import MotionProgram, Multipliers, Solved, Task
+from copose.paths.starting import started
+from copose.planning.clearance import Apart, Near, Slot
+from copose.planning.limits_measures import LimitsMeasure
+from copose.planning.machinery import Machinery, Setting
+from copose.poses import Array, Mask
+
+_EXCHANGES, _COLLISIONS = 6, 10
+# Iterations of programs at most, and of those with kinks.
+_PLAIN, _SHARP = 300, 80
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """What a motion has to keep, beside the chain.
+
+    Attributes:
+        duration: s.
+        first: joints at the first knot, (N,); NaN where they are free.
+        last: alike at the last.
+        returns: whether the last knot is the first.
+    """
+
+    duration: float
+    first: Array
+    last: Array
+    returns: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Shaped:
+    """A motion that a program ended with.
+
+    Attributes:
+        q: joints at the knots, (n, N).
+        duration: s.
+        converged: whether it is an answer.
+        status: in IPOPT's words.
+        violated: what is broken most, at which knot, by how much.
+        multipliers: of the program's answer.
+    """
+
+    q: Array
+    duration: float
+    converged: bool
+    status: str
+    violated: tuple[str, int, float]
+    multipliers: Multipliers | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A motion that is sought, and what its program leaves of the limits.
+
+    Attributes:
+        course: at the knots.
+        wanted: what it has to keep.
+        form: of its program.
+        near: whether its program starts near its answer.
+        slack: how wide the bounds of an objective with kinks start.
+        speeds: of joints, (N,).
+        shares: of torque limits by knot, as a part, (n,).
+        calm: of acceleration limits alike.
+        roughly: whether demands that the program leaves out stay out.
+    """
+
+    course: Course
+    wanted: Wanted
+    form: Form
+    near: bool
+    slack: float
+    speeds: Array
+    shares: Array
+    calm: Array
+    roughly: bool = False
+
+
+class Solver:
+    """Builds and solves the programs of one cell."""
+
+    def __init__(
+        self, machinery: Machinery, drive: Drive, smoothness: float, *, kinked: bool
+    ) -> None:
+        """Programs are built when they are asked for.
+
+        Args:
+            machinery: what is built.
+            drive: computes rates and wrenches.
+            smoothness: s²/rad² per unit of the objective.
+            kinked: whether the objective has kinks where it is largest.
+        """
+        self._machinery, self._drive = machinery, drive
+        self._smoothness, self._kinked = smoothness, kinked
+        self._tasks: dict[tuple[Form, tuple[Slot, ...]], KnotTask] = {}
+        self._numbers = self._count_numbers()
+
+    def _count_numbers(self) -> int:
+        setting = self._machinery.setting(self._machinery.cell)
+        objective = setting.objective
+        if isinstance(objective, LimitsMeasure) and setting.holding is not None:
+            return len(
+                objective.numbers(objective.demands(setting.holding)[: objective.programmed])
+            )
+        return len(setting.numbers)
+
+    def task(self, form: Form, slots: tuple[Slot, ...] = ()) -> KnotTask:
+        """What the programs of a form hold at a knot."""
+        if (form, slots) not in self._tasks:
+            machinery, capacity = self._machinery, self._drive.capacity
+            self._tasks[form, slots] = KnotTask(
+                machinery.cell,
+                machinery.objective,
+                self._numbers,
+                None if capacity is None else capacity.bounds,
+                Apart(slots) if slots else None,
+                form,
+            )
+        return self._tasks[form, slots]
+
+    def solved(self, case: Case, q: Array, beside: Multipliers | None = None) -> Shaped:
+        """The best motion near one, (n, N), with demands that a program left out."""
+        machinery, demands = self._machinery, self._demands(case.course, q)
+        found = self._apart(case, q, demands, beside)
+        settled = case.roughly or case.form.common in ("stretch", "share")
+        if demands is None or not machinery.dear or settled:
+            return found
+        for _ in range(_EXCHANGES):
+            if not found.converged:
+                break
+            more = [
+                machinery.tightened(setting, here[None], mine)
+                for setting, here, mine in zip(case.course.settings, found.q, demands, strict=True)
+            ]
+            if all(each is None for each in more):
+                break
+            demands = [d if each is None else each for d, each in zip(demands, more, strict=True)]
+            found = self._apart(case, found.q, demands, found.multipliers)
+        return found
+
+    def _demands(self, course: Course, q: Array) -> list[tuple[Demand, ...]] | None:
+        if not isinstance(self._machinery.objective, LimitsMeasure):
+            return None
+        return [
+            self._machinery.demands(setting, here[None])[0]
+            for setting, here in zip(course.settings, q, strict=True)
+        ]
+
+    def _apart(
+        self,
+        case: Case,
+        q: Array,
+        demands: list[tuple[Demand, ...]] | None,
+        beside: Multipliers | None,
+    ) -> Shaped:
+        """With pairs of bodies that it has run into."""
+        machinery, course = self._machinery, case.course
+        settings = [
+            machinery.calibrated(setting, here)
+            for setting, here in zip(course.settings, q, strict=True)
+        ]
+        near = [machinery.near(s, here) for s, here in zip(settings, q, strict=True)]
+        for _ in range(_COLLISIONS):
+            found = self._run(case, settings, near, q, demands, beside)
+            if machinery.clearance is None or not found.converged:
+                return found
+            hits = [machinery.runs_into(s, here) for s, here in zip(settings, found.q, strict=True)]
+            if all(hit is None for hit in hits):
+                return found
+            near = [
+                mine if hit is None else mine.joined(hit)
+                for mine, hit in zip(near, hits, strict=True)
+            ]
+        return replace(found, converged=False, status="Collision")
+
+    def _run(
+        self,
+        case: Case,
+        settings: Sequence[Setting],
+        near: Sequence[Near],
+        q: Array,
+        demands: list[tuple[Demand, ...]] | None,
+        beside: Multipliers | None,
+    ) -> Shaped:
+        machinery, course, wanted = self._machinery, case.course, case.wanted
+        slots = machinery.slots(settings[0], near)
+        task = self.task(case.form, slots)
+        start = started(
+            machinery, self._drive, task, course, q, wanted.duration, demands, case.slack
+        )
+        if not np.all(np.isfinite(start)):
+            return Shaped(q, wanted.duration, False, "Singular_Start", ("", 0, np.inf))
+        inertial = self._drive.inertial(course)
+        parameters = np.array(
+            [
+                np.concatenate([
+                    setting.cell.parameters,
+                    self._numbers_at(setting, None if demands is None else demands[k]),
+                    machinery.capsules(setting, slots, near[k]),
+                    inertial[k],
+                    [wanted.duration],
+                ])
+                for k, setting in enumerate(settings)
+            ]
+        )  # fmt: skip
+        lower, upper = self._bounds(len(course), wanted)
+        ended: Solved = MotionProgram(task, case.form).solve(
+            start,
+            Task(
+                parameters=parameters,
+                duration=wanted.duration,
+                smoothness=self._smoothness,
+                lower=lower,
+                upper=upper,
+                speeds=case.speeds,
+                tightened=_parts(task, case.shares, case.calm),
+                returns=wanted.returns,
+                beside=beside,
+                near=case.near,
+                iterations=_SHARP if self._kinked and not case.form.rounded else _PLAIN,
+            ),
+        )
+        duration = wanted.duration
+        if case.form.shortest:
+            duration *= float(ended.y[0, task.slices["stretch"].start])
+        joints = ended.y[:, : task.joints]
+        return Shaped(
+            joints, duration, ended.converged, ended.status, ended.violated, ended.multipliers
+        )
+
+    def _bounds(self, count: int, wanted: Wanted) -> tuple[Array, Array]:
+        cell = self._machinery.cell
+        lower = np.tile(np.concatenate(cell.lower), (count, 1))
+        upper = np.tile(np.concatenate(cell.upper), (count, 1))
+        for k, fixed in ((0, wanted.first), (-1, wanted.last)):
+            known: Mask = np.isfinite(fixed)
+            lower[k, known] = upper[k, known] = fixed[known]
+        if wanted.returns:
+            # The first knot says it: two fixed ends and their equation are one too many.
+            known = np.isfinite(wanted.first)
+            lower[-1, known] = np.concatenate(cell.lower)[known] - 1.0
+            upper[-1, known] = np.concatenate(cell.upper)[known] + 1.0
+        return lower, upper
+
+    def _numbers_at(self, setting: Setting, demands: Sequence[Demand] | None) -> Array:
+        objective = setting.objective
+        if demands is not None and isinstance(objective, LimitsMeasure):
+            return objective.numbers(demands)
+        return setting.numbers
+
+
+def _parts(task: KnotTask, shares: Array, calm: Array) -> Array | None:
+    """What is left of the bounds of torques and accelerations at every knot."""
+    if np.all(shares == 1.0) and np.all(calm == 1.0):
+        return None
+    parts = np.ones((len(shares), len(task.bounds[0])))
+    first = 0
+    for constraint in task.constraints:
+        rows = slice(first, first + constraint.expression.numel())
+        first = rows.stop
+        if constraint.name == f"torques{OVER}":
+            parts[:, rows] = shares[:, None]
+        elif constraint.name == f"accelerations{OVER}":
+            parts[:, rows] = calm[:, None]
+    return parts
