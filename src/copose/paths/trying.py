@@ -165,12 +165,12 @@ class Trial:
         found = [] if shortest and self._limited else [self._made(route) for route in routes]
         best = max((each for each in found if each.value is not None), key=_value, default=None)
         if self._limited and (best is None or not best.easy):
-            careful = self._careful.routes(most, _DISTANCE)
+            careful = self._careful.routes(most if shortest else _ROUTES, _DISTANCE)
             why = self._unheld()
             if why is not None:
                 return Outcome.of(found, why, shortest=shortest)
             routes = careful or routes
-            found += [self._made(route) for route in routes]
+            found += [self._direct(route) for route in routes]
         if shortest or all(each.value is None for each in found):
             found += [self._made(route) for route in self._finder.quickest(_ROUTES, _DISTANCE)]
         if any(each.value is not None for each in found):
@@ -202,13 +202,13 @@ class Trial:
         """
         self.progress("shaping the motion", 0.7)
         finisher, course = self.finisher, self.course
+        if finisher.shortest or not finisher.shaper.forceful:
+            return self._direct(route)
         q = finisher.closed(self._finder.postures(route), course)
         wanted = self.wanted(q, self.duration)
-        if finisher.shortest or not finisher.shaper.forceful:
-            return self._valued(route, finisher.shaped(course, q, wanted, roughly=True))
         loose = finisher.shaper.loose(course, q, wanted)
         if not loose.converged:
-            return self._valued(route, finisher.shaped(course, q, wanted, roughly=True))
+            return self._direct(route)
         for other, made in self._known:
             if np.abs(loose.q - other).max() < _SAME:
                 return replace(made, route=route)
@@ -216,11 +216,18 @@ class Trial:
         found, easy = loose, strain.times <= 1
         if not easy:
             found = finisher.shaped(course, loose.q, wanted, roughly=True)
-        if not found.converged:
-            found = finisher.shaped(course, q, wanted, roughly=True)
         made = replace(self._valued(route, found), easy=easy)
+        if made.value is None and not self._limited:
+            made = self._direct(route)
         self._known.append((loose.q, made))
         return made
+
+    def _direct(self, route: Route) -> Tried:
+        """What a program makes of a route itself."""
+        self.progress("shaping the motion", 0.8)
+        q = self.finisher.closed(self._finder.postures(route), self.course)
+        wanted = self.wanted(q, self.duration)
+        return self._valued(route, self.finisher.shaped(self.course, q, wanted, roughly=True))
 
     def _valued(self, route: Route, found: Shaped) -> Tried:
         if not found.converged:
