@@ -22,7 +22,7 @@ _BACK = 0.995
 _LARGEST = 1e10
 
 
-def maximise_first(A: Array, b: Array) -> tuple[Array, Array]:
+def maximise_first(A: Array, b: Array, within: float = _TOLERANCE) -> tuple[Array, Array]:
     """Maximise x_0 subject to A x ≤ b, for many (A, b).
 
     Mehrotra's predictor and corrector (S. Mehrotra, 1992).
@@ -30,6 +30,7 @@ def maximise_first(A: Array, b: Array) -> tuple[Array, Array]:
     Args:
         A: (count, rows, p), of full column rank.
         b: (count, rows).
+        within: what may be left of the optimality conditions, relative.
 
     Returns:
         x, (count, p), NaN where there is no optimum, and what is left of the optimality
@@ -57,7 +58,7 @@ def maximise_first(A: Array, b: Array) -> tuple[Array, Array]:
         better = error < left[going]
         best[going[better]], left[going[better]] = x_[better], error[better]
         wild = ~(np.maximum(np.abs(x_).max(axis=1), z_.max(axis=1)) < _LARGEST)
-        on = (error > _TOLERANCE) & ~wild & (better | (left[going] > _GOOD))
+        on = (error > within) & ~wild & (better | (left[going] > _GOOD))
         if not on.any():
             break
         going, a, primal, dual, gap = going[on], a[on], primal[on], dual[on], gap[on]
@@ -77,9 +78,10 @@ def maximise_first(A: Array, b: Array) -> tuple[Array, Array]:
         x[going] = x_ + forward[:, None] * dx
         s[going] = s_ + forward[:, None] * ds
         z[going] = z_ + upward[:, None] * dz
-    best[left > _POOR] = np.nan
+    poor = max(_POOR, within)
+    best[left > poor] = np.nan
     best /= scale
-    for k in np.flatnonzero((left > _POOR) & (left <= _NONE)):
+    for k in np.flatnonzero((left > poor) & (left <= _NONE)):
         best[k], left[k] = _by_library(A[k] * scale[k], b[k])
     return best, left
 

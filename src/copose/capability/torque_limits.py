@@ -149,12 +149,12 @@ class Dynamics:
         x, _ = self._solved(demand, 1.0)
         return x[:, 0]
 
-    def shares(self, demand: Demand) -> Array:
-        """The largest |τ|/T at its least, at t = 0, (count,).
+    def shares(self, demand: Demand, within: float = 1e-10) -> Array:
+        """The largest |τ|/T at its least, at t = 0, about ``within`` of it, (count,).
 
         NaN where contacts cannot exert such loads by any torques.
         """
-        x, _ = maximise_first(*self._shared(demand))
+        x, _ = maximise_first(*self._shared(demand), within)
         return np.where(self._exertable(demand), -x[:, 0], np.nan)
 
     def quick_shares(self, demand: Demand) -> Array:

@@ -23,6 +23,8 @@ _MEASURED, _MEASURED_PAIRS = 24, 64
 # What it costs to hold the object with more than the torque limits, by the excess squared: routes
 # through such combinations come after all others, and the program may mend them.
 _TOO_HEAVY = 1e4
+# How well shares of limits are known.
+_ABOUT = 1e-3
 
 
 class Values:
@@ -137,7 +139,7 @@ class Values:
         shares = dynamics.quick_shares(hold)
         over = np.flatnonzero(~(shares <= 1.0))
         if len(over):
-            shares[over] = dynamics.taken(over).shares(hold)
+            shares[over] = dynamics.taken(over).shares(hold, _ABOUT)
         shares[np.isnan(shares)] = np.inf
         self.shares[k] = min(self.shares[k], shares.min())
         return np.asarray(_TOO_HEAVY * np.maximum(shares - 1.0, 0.0) ** 2)
