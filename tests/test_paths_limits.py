@@ -135,3 +135,26 @@ def test_what_programs_miss_by_little_is_not_called_infeasible() -> None:
     assert motion.status == "failed"
     assert motion.reason is not None
     assert "needs 1.02 times its torque limit" in motion.reason
+
+
+@pytest.mark.parametrize(
+    ("grasp", "turn", "constraint"),
+    [
+        ([0.05, 0.0], 0.0, "static_torque"),
+        ([0.05, 0.0], 0.0, "dynamic_torque"),
+        ([0.0, 0.0], 0.6, "dynamic_torque"),
+    ],
+)
+def test_one_hinge_does_not_carry_what_has_to_be_turned(
+    grasp: list[float], turn: float, constraint: str
+) -> None:
+    cell = with_limits(two_jointed(), 200.0, 200.0, **{constraint: True})
+    cell["arms"][0]["grasp"]["position"] = grasp
+    cell["path"]["waypoints"][1]["angle"] = turn
+    motion = copose.plan(copose.parse(cell))
+    assert motion.status == "infeasible"
+    assert motion.reason is not None
+    assert "the contacts cannot carry the object" in motion.reason
+    cell["constraints"] = {"static_torque": True}
+    cell["world"]["gravity"] = [0.0, 0.0]
+    assert copose.plan(copose.parse(cell)).status == "solved"

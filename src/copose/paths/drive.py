@@ -45,6 +45,7 @@ class Drive:
 
     Attributes:
         capacity: what torque limits allow, where they matter.
+        torques: finds torques.
     """
 
     def __init__(self, machinery: Machinery, journey: Journey, tolerance: float) -> None:
@@ -61,7 +62,7 @@ class Drive:
         if cell.problem.constraints.dynamic_torque and self.capacity is None:
             assert cell.torque_limits is not None
             self.capacity = Capacity(cell, cell.torque_limits)
-        self._torques = Torques(cell, self.capacity)
+        self.torques = Torques(cell, self.capacity)
         gravity = ca.SX(ca.DM(cell.system.gravity))
         self._kernels = []
         for arm in cell.system.arms:
@@ -105,14 +106,14 @@ class Drive:
             accelerations.append(_nearest(J, bends(mine, step), contact))
             jacobians.append(J)
             biases.append((M @ accelerations[-1][:, :, None])[:, :, 0] + bias)
-        asked = Carrying(course, self._torques.loads(course, duration), jacobians, biases)
-        found = self._torques.least(asked)
+        asked = Carrying(course, self.torques.loads(course, duration), jacobians, biases)
+        found = self.torques.least(asked)
         if found is None:
             return Driven(tuple(velocities), tuple(accelerations), None, None)
         torques, _ = found
         shares = None
         if self._cell.problem.constraints.dynamic_torque:
-            torques, shares = self._torques.limited(asked, torques)
+            torques, shares = self.torques.limited(asked, torques)
         edges = np.cumsum([mine.shape[1] for mine in q])[:-1]
         torque = tuple(np.split(torques, edges, axis=1))
         return Driven(tuple(velocities), tuple(accelerations), torque, shares)
@@ -147,8 +148,8 @@ class Drive:
             J, _, M, bias = self._parts(kernel, mine, slopes(mine, step))
             jacobians.append(J)
             biases.append((M @ bends(mine, step)[:, :, None])[:, :, 0] + bias)
-        asked = Carrying(course, self._torques.loads(course, duration), jacobians, biases)
-        found = self._torques.least(asked)
+        asked = Carrying(course, self.torques.loads(course, duration), jacobians, biases)
+        found = self.torques.least(asked)
         if found is None:
             return np.full((len(course), len(q) * space.m), np.nan)
         parts = np.split(found[1], len(q), axis=1)
@@ -157,7 +158,7 @@ class Drive:
 
     def inertial(self, course: Course) -> Array:
         """See `Torques.inertial`."""
-        return self._torques.inertial(course)
+        return self.torques.inertial(course)
 
     def _parts(self, kernel: Kernel, q: Array, rates: Array) -> tuple[Array, Array, Array, Array]:
         """J, (count, m, n), J̇ q̇, (count, m), M, (count, n, n), and C q̇ + g, (count, n)."""

@@ -115,7 +115,10 @@ class Finisher:
             quick = self.shaper.shortest(course, q, wanted)
             if not quick.converged:
                 return quick
-            q, wanted = quick.q, replace(wanted, duration=quick.duration * (1 + LONGER))
+            wanted = replace(wanted, duration=quick.duration * (1 + LONGER))
+            best = self.shaper.shaped(course, quick.q, wanted, near=near, roughly=roughly)
+            # So little time to spare may leave too little room for a program.
+            return best if best.converged else quick
         return self.shaper.shaped(course, q, wanted, near=near, roughly=roughly)
 
     def finished(self, best: Shaped, wanted: Wanted) -> Finished | Obstruction:

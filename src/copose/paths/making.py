@@ -14,6 +14,7 @@ from copose.paths.obstruction import (
     Obstruction,
     disconnected,
     not_started,
+    uncarried,
 )
 from copose.paths.roadmap import Roadmap
 from copose.paths.trying import Ends, Trial, Tried
@@ -70,6 +71,9 @@ class Making:
         held = self._started(course) if ends is None else ends
         if isinstance(held, Obstruction):
             return self.answer.stopped(held, None)
+        why = self._uncarried(course)
+        if why is not None:
+            return self.answer.stopped(why, None)
         roadmaps: list[Roadmap] = []
         why = self._follow(course, held, roadmaps)
         if why is not None:
@@ -98,6 +102,17 @@ class Making:
         if isinstance(found, Obstruction):
             return self.answer.stopped(found, record)
         return self.answer.solved(journey, found, record)
+
+    def _uncarried(self, course: Course) -> Obstruction | None:
+        """Where torques have to keep limits and no contact wrenches carry the object at all."""
+        constraints = self.machinery.cell.problem.constraints
+        moving = constraints.dynamic_torque
+        if not (constraints.static_torque or moving):
+            return None
+        k = self.finisher.drive.torques.uncarried(course, moving=moving)
+        if k is None:
+            return None
+        return uncarried(self.machinery, course, k, self.answer.duration)
 
     def _started(self, course: Course) -> Ends | Obstruction:
         """Where the file has the arms start, closed there."""

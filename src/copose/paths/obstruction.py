@@ -146,6 +146,16 @@ def too_fast(
     )
 
 
+def uncarried(machinery: Machinery, course: Course, k: int, duration: float) -> Obstruction:
+    """Nothing that the contacts exert holds or moves the object as the path has it at layer k."""
+    names = ", ".join(repr(arm.name) for arm in machinery.cell.arms)
+    return Obstruction(
+        "infeasible",
+        f"arms {names}, {_time(course, k, duration)}: the contacts cannot carry the object, "
+        "whatever their forces: hinges and ball joints leave it free to turn (contact)",
+    )
+
+
 def unheld(course: Course, k: int, duration: float, reason: str) -> Obstruction:
     """No posture at all holds the object at layer k, for a reason."""
     return Obstruction("infeasible", f"{_time(course, k, duration)}: {reason} (torque)")

@@ -135,6 +135,11 @@ class Shaper:
         return self._rates or self._machinery.static
 
     @property
+    def hasty(self) -> bool:
+        """Whether accelerations have to keep limits."""
+        return bool(np.isfinite(self.accelerations).any())
+
+    @property
     def kinked(self) -> bool:
         """Whether the objective has kinks where it is largest."""
         objective = self._machinery.objective
@@ -191,7 +196,8 @@ class Shaper:
         if not quick.converged:
             return quick
         wanted = replace(wanted, duration=quick.duration * (1 + LONGER))
-        return self._solver.solved(replace(case, wanted=wanted), quick.q)
+        best = self._solver.solved(replace(case, wanted=wanted), quick.q)
+        return best if best.converged else quick
 
     def _case(self, course: Course, wanted: Wanted, *, shortest: bool = False) -> Case:
         every, form = np.ones(len(course)), self._form(shortest=shortest)

@@ -71,6 +71,23 @@ class Torques:
             wrenches[k] = carried - inner @ np.linalg.lstsq(pushed, fixed, rcond=None)[0]
         return alone + (wide @ wrenches[:, :, None])[:, :, 0], wrenches
 
+    def uncarried(self, course: Course, *, moving: bool) -> int | None:
+        """The first knot at which no contact wrenches, however large, carry the object at rest, or
+        as it moves too; None where there is none.
+        """
+        loads = [self.loads(course, np.inf), *([self.inertial(course)] if moving else [])]
+        for k, station in enumerate(course.stations):
+            P = np.hstack(_balance(self._cell, station.pose.rotation))
+            U, s, _ = np.linalg.svd(P)
+            # Directions that contacts can do nothing about.
+            rest = U[:, int((s > _CARRIED * s[0]).sum()) :]
+            for load in loads:
+                if np.abs(rest.T @ load[k]).max(initial=0.0) > _CARRIED * (
+                    1 + np.abs(load[k]).max()
+                ):
+                    return k
+        return None
+
     def limited(self, asked: Carrying, torques: Array) -> tuple[Array, Array]:
         """Torques, (n, N), brought within their limits where that can be, and shares of the limits
         whose largest is smallest, alike; ∞ where nothing within the limits of contact wrenches

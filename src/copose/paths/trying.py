@@ -39,8 +39,11 @@ _SAME = 1e-3
 _EVEN = 2
 # How many times longer than the graph's shortest a motion lasts that spares torques.
 _EASY = 3.0
-# Shares of limits that are beyond what a motion with finer knots may change.
-_SURELY = 1.05
+# Of routes that are to be calm, s²/rad² per unit of the objective.
+_CALM = 3.0
+# Shares of limits that are beyond what a motion with finer knots may change, and beyond what other
+# routes may where accelerations are limited.
+_SURELY, _VERY_SURELY = 1.05, 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,11 +144,16 @@ class Trial:
             return self._finder
         return self._finder_of(self.values.within(capacity))
 
-    def _finder_of(self, values: Values) -> Finder:
+    @cached_property
+    def _calm(self) -> Finder:
+        """Finds routes whose joints move little."""
+        return self._finder_of(self.values, calm=_CALM)
+
+    def _finder_of(self, values: Values, calm: float = 0.0) -> Finder:
         path, arms = self.finisher.path, self._machinery.cell.arms
         worth = Worth(
             aggregate=path.aggregate,
-            smoothness=path.smoothness,
+            smoothness=max(path.smoothness, calm),
             interval=self.duration / (len(self.course) - 1),
             speeds=tuple(np.array([joint.velocity for joint in arm.joints]) for arm in arms),
         )
@@ -171,6 +179,9 @@ class Trial:
                 return Outcome.of(found, why, shortest=shortest)
             routes = careful or routes
             found += [self._direct(route) for route in routes]
+        if self.finisher.shaper.hasty and not shortest and (best is None or not best.easy):
+            calm = self._calm.routes(_ROUTES, _DISTANCE)
+            found += [tried for tried in map(self._spared_route, calm) if tried is not None]
         if shortest or all(each.value is None for each in found):
             found += [self._made(route) for route in self._finder.quickest(_ROUTES, _DISTANCE)]
         if any(each.value is not None for each in found):
@@ -217,6 +228,9 @@ class Trial:
         if not easy:
             found = finisher.shaped(course, loose.q, wanted, roughly=True)
         made = replace(self._valued(route, found), easy=easy)
+        if made.value is None:
+            _, spared = self._spared(route, loose.q)
+            made = made if spared is None else spared
         if made.value is None and not self._limited:
             made = self._direct(route)
         self._known.append((loose.q, made))
@@ -237,23 +251,31 @@ class Trial:
     def _spared_of(self, routes: Sequence[Route]) -> tuple[list[Tried], Obstruction | None]:
         """Motions by way of some that spare torques and accelerations, and why there are none."""
         even = self._careful.evenest(_EVEN, _DISTANCE) if self._limited else []
-        ends = [self._spared(route) for route in [*even, *routes[:_EVEN]]]
+        ends = [
+            self._spared(route, self.finisher.closed(self._finder.postures(route), self.course))
+            for route in [*even, *routes[:_EVEN]]
+        ]
         found = [tried for _, tried in ends if tried is not None]
         strains = [strain for strain, _ in ends if strain is not None]
         least = min(strains, key=lambda strain: strain.times, default=None)
         if least is None or least.times <= 1 + HELD:
             return found, None
-        sure = len(strains) == len(ends) and least.times > _SURELY
+        # The graph knows of torques, and nothing of accelerations.
+        surely = _SURELY if self._limited and not self.finisher.shaper.hasty else _VERY_SURELY
+        sure = len(strains) == len(ends) and least.times > surely
         why = overloaded(self._machinery, self.course, self.duration, least, sure=sure)
         return found, why
 
-    def _spared(self, route: Route) -> tuple[Strain | None, Tried | None]:
-        """What strains the motion of a route that spares torques and accelerations most, and what
-        a program makes of it where that is within the limits.
+    def _spared_route(self, route: Route) -> Tried | None:
+        q = self.finisher.closed(self._finder.postures(route), self.course)
+        return self._spared(route, q)[1]
+
+    def _spared(self, route: Route, q: Array) -> tuple[Strain | None, Tried | None]:
+        """What strains the motion near a route's, (n, N), that spares torques and accelerations
+        most, and what a program makes of it where that is within the limits.
         """
         self.progress("sparing torques", 0.8)
         finisher, course = self.finisher, self.course
-        q = finisher.closed(self._finder.postures(route), course)
         wanted = self.wanted(q, self.duration * (_EASY if finisher.shortest else 1.0))
         found = finisher.shaper.sparing(course, q, wanted)
         if not found.converged:
