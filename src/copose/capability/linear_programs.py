@@ -13,7 +13,7 @@ import numpy as np
 from copose.poses import Array
 
 _ITERATIONS = 40
-_TOLERANCE = 1e-10
+TOLERANCE = 1e-10
 # From here on rounding may be all that is left of a program whose optimum is not unique; between
 # the last two it cannot be told whether there is one, and the library is asked.
 _GOOD, _POOR, _NONE = 1e-8, 1e-6, 1e-3
@@ -22,7 +22,7 @@ _BACK = 0.995
 _LARGEST = 1e10
 
 
-def maximise_first(A: Array, b: Array, within: float = _TOLERANCE) -> tuple[Array, Array]:
+def maximise_first(A: Array, b: Array, within: float = TOLERANCE) -> tuple[Array, Array]:
     """Maximise x_0 subject to A x ≤ b, for many (A, b).
 
     Mehrotra's predictor and corrector (S. Mehrotra, 1992).

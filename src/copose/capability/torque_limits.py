@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from copose.capability.contact_limits import WrenchBounds
-from copose.capability.linear_programs import maximise_first
+from copose.capability.linear_programs import TOLERANCE, maximise_first
 from copose.poses import Array, Indices, Mask
 
 _RANK = 1e-9
@@ -149,7 +149,7 @@ class Dynamics:
         x, _ = self._solved(demand, 1.0)
         return x[:, 0]
 
-    def shares(self, demand: Demand, within: float = 1e-10) -> Array:
+    def shares(self, demand: Demand, within: float = TOLERANCE) -> Array:
         """The largest |τ|/T at its least, at t = 0, about ``within`` of it, (count,).
 
         NaN where contacts cannot exert such loads by any torques.

@@ -56,10 +56,7 @@ def described(problem: Problem, arms: Sequence[Arm]) -> str | None:
     turned = sum(float(np.linalg.norm(segment.turn)) for segment in journey.segments)
     time = "in the shortest time"
     if not isinstance(path.duration, str):
-        rates = [segment.step / segment.share for segment in journey.segments]
-        # Of minimum jerk, 15/8 of the mean speed.
-        fastest = 1.875 * max(float(np.linalg.norm(rate)) for rate in rates) / path.duration
-        time = f"in {path.duration:g} s, {fastest:.3g} m/s at most"
+        time = f"in {path.duration:g} s, {journey.speed / path.duration:.3g} m/s at most"
     back = ", back to the posture that it begins with" if path.closed else ""
     return (
         f"path: {len(path.waypoints)} waypoints, {length:.3g} m and {turned:.3g} rad {time}; "

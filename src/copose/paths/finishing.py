@@ -13,7 +13,7 @@ from copose.paths.interpolation import closed_at, opening
 from copose.paths.journey import Journey
 from copose.paths.motion_program import longest_step
 from copose.paths.obstruction import Obstruction, opens, program_failed
-from copose.paths.shaping import LONGER, Shaper
+from copose.paths.shaping import Shaper
 from copose.paths.solving import Shaped, Wanted
 from copose.planning.machinery import Machinery
 from copose.poses import Array
@@ -82,11 +82,6 @@ class Finisher:
     shaper: Shaper
     drive: Drive
 
-    @property
-    def shortest(self) -> bool:
-        """Whether the smallest duration is sought."""
-        return self.path.duration == "shortest"
-
     def course(self, count: int) -> Course:
         """The journey at so many knots, uniform in time."""
         return Course.of(self.machinery, self.journey, uniform(count))
@@ -101,26 +96,6 @@ class Finisher:
         aggregate, S = self.shaper.worth(course, q, duration)
         return aggregate - self.path.smoothness * S
 
-    def shaped(
-        self,
-        course: Course,
-        q: Array,
-        wanted: Wanted,
-        *,
-        near: bool = False,
-        roughly: bool = False,
-    ) -> Shaped:
-        """The best motion near one, see `Shaper.shaped`, in the shortest time if that is sought."""
-        if self.shortest:
-            quick = self.shaper.shortest(course, q, wanted)
-            if not quick.converged:
-                return quick
-            wanted = replace(wanted, duration=quick.duration * (1 + LONGER))
-            best = self.shaper.shaped(course, quick.q, wanted, near=near, roughly=roughly)
-            # So little time to spare may leave too little room for a program.
-            return best if best.converged else quick
-        return self.shaper.shaped(course, q, wanted, near=near, roughly=roughly)
-
     def finished(self, best: Shaped, wanted: Wanted) -> Finished | Obstruction:
         """With as many knots as are asked for, and as closure between them needs.
 
@@ -133,11 +108,12 @@ class Finisher:
             course, found = self.course(count), best
             if count != len(best.q) or self.shaper.kinked:
                 straight = interpolated(uniform(len(best.q)), best.q, course.phases)
-                found = self.shaped(course, self.closed(straight, course), wanted, near=True)
+                closed = self.closed(straight, course)
+                found = self.shaper.shaped(course, closed, wanted, near=True)
             seen = self._seen(course, found)
             if found.converged and seen.fine:
                 here = replace(wanted, duration=found.duration)
-                found = self.shaper.kept(course, found, here, shortest=self.shortest)
+                found = self.shaper.kept(course, found, here)
                 seen = self._seen(course, found)
                 if found.converged and seen.fine:
                     break

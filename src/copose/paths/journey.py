@@ -13,6 +13,8 @@ from copose.problem import PathSpec, Problem
 
 # m of a path that counts as long as a turn of one radian.
 _PER_TURN = 0.3
+# The largest speed of minimum jerk over the mean.
+_PEAK = 1.875
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +110,12 @@ class Journey:
     def fastest(self) -> float:
         """The largest slope of that by φ, m."""
         sizes = [_size(s.step, s.turn) / s.share for s in self.segments]
-        return 1.875 * max(sizes)
+        return _PEAK * max(sizes)
+
+    @property
+    def speed(self) -> float:
+        """The largest of the centre of mass by φ, m."""
+        return _PEAK * max(float(np.linalg.norm(s.step)) / s.share for s in self.segments)
 
     def at(self, phase: float) -> Station:
         """The object at a share of the duration."""

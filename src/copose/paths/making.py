@@ -84,7 +84,7 @@ class Making:
             self.finisher, course, held, roadmaps, values, self.answer.duration, self.seed,
             self.progress,
         )  # fmt: skip
-        if self.finisher.shortest:
+        if self.finisher.shaper.shortest:
             least = trial.least_duration()
             trial = trial.lasting(_FROM * least if 0 < least < np.inf else 1.0)
         outcome = trial.outcome()
@@ -164,13 +164,13 @@ class Making:
 
     def _behind(self, found: Finished, other: Tried) -> bool:
         """Whether a motion is worth clearly less than another route's."""
-        if self.finisher.shortest:
+        if self.finisher.shaper.shortest:
             return found.duration > (1 + _FALLS) * other.shaped.duration
         assert other.value is not None
         return found.value < other.value - _FALLS * (1 + abs(other.value))
 
     def _better(self, found: Finished, best: Finished) -> bool:
-        if self.finisher.shortest:
+        if self.finisher.shaper.shortest:
             return found.duration < best.duration
         return found.value > best.value
 

@@ -47,12 +47,7 @@ class PathPlanner:
         self.journey = asked(problem, self.path, cell.arms)
         self._machinery = Machinery(cell) if machinery is None else machinery
         self._drive = Drive(self._machinery, self.journey, self.path.tolerance)
-        self._shaper = Shaper(
-            self._machinery,
-            self._drive,
-            worst=self.path.aggregate == "worst",
-            smoothness=self.path.smoothness,
-        )
+        self._shaper = Shaper(self._machinery, self._drive, self.path)
         self._kernels = (*self._shaper.kernels, *self._drive.kernels)
         self.build_s = time.perf_counter() - began
 

@@ -6,6 +6,7 @@ where they break limits the program's tighten.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from copose.planning.capacity import HELD
 from copose.planning.machinery import Machinery
 from copose.planning.objectives import EllipsoidMeasure
 from copose.poses import Array
+from copose.problem import PathSpec
 
 _TIGHTENINGS = 8
 # How wide the bounds of an objective with kinks start, one after the other.
@@ -27,7 +29,7 @@ _SLACKS = 0.02, 0.2
 # How much more of an excess is taken away than there was, how much at least and at most.
 _MORE, _LEAST, _AT_MOST = 1.5, 1e-6, 0.5
 # By how much a motion lasts longer than the shortest, relative.
-LONGER = 1e-3
+_LONGER = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,21 +58,32 @@ class _Used:
 
 
 class Shaper:
-    """Shapes the motions of one cell."""
+    """Shapes the motions of one cell.
 
-    def __init__(
-        self, machinery: Machinery, drive: Drive, *, worst: bool, smoothness: float
-    ) -> None:
-        """Programs are built when they are asked for."""
+    Attributes:
+        shortest: whether the smallest duration is sought.
+        speeds: limits of the joints, (N,).
+        accelerations: alike.
+    """
+
+    def __init__(self, machinery: Machinery, drive: Drive, path: PathSpec) -> None:
+        """Programs are built when they are asked for.
+
+        Args:
+            machinery: what is built.
+            drive: computes rates and torques.
+            path: what is asked.
+        """
         self._machinery, self._drive = machinery, drive
         cell = machinery.cell
-        self._smoothness, self._worst = smoothness, worst
+        self._worst, self._smoothness = path.aggregate == "worst", path.smoothness
+        self.shortest = path.duration == "shortest"
         constraints = cell.problem.constraints
         accelerations = [joint.acceleration for arm in cell.arms for joint in arm.joints]
         self._rates = constraints.dynamic_torque or bool(np.isfinite(accelerations).any())
         self.accelerations = np.array(accelerations)
         self.speeds = np.array([joint.velocity for arm in cell.arms for joint in arm.joints])
-        self._solver = Solver(machinery, drive, smoothness, kinked=self.kinked)
+        self._solver = Solver(machinery, drive, kinked=self.kinked)
 
     @property
     def kernels(self) -> tuple[Kernel, ...]:
@@ -82,16 +95,18 @@ class Shaper:
     ) -> Form:
         return Form(self._worst, shortest, self._rates, rounded, sparing)
 
-    def shortest(self, course: Course, q: Array, wanted: Wanted) -> Shaped:
+    def quickest(self, course: Course, q: Array, wanted: Wanted) -> Shaped:
         """The shortest motion near one, (n, N); ``wanted.duration`` is where it starts."""
-        return self._solver.solved(self._case(course, wanted, shortest=True), q)
+        return self._quickest(self._case(course, wanted), q)
 
-    def loose(self, course: Course, q: Array, wanted: Wanted) -> Shaped:
+    def loose(self, course: Course, q: Array, wanted: Wanted, *, calm: float = 0.0) -> Shaped:
         """The best motion near one, (n, N), without limits of torques and accelerations, and of an
-        objective without kinks.
+        objective without kinks; at least so smooth, s²/rad² per unit of the objective.
         """
         form = Form(worst=self._worst, rounded=self.kinked, loose=True)
-        return self._solver.solved(replace(self._case(course, wanted), form=form), q)
+        smoothness = max(self._smoothness, calm)
+        case = replace(self._case(course, wanted), form=form, smoothness=smoothness)
+        return self._solver.solved(case, q)
 
     def sparing(self, course: Course, q: Array, wanted: Wanted) -> Shaped:
         """A motion near one, (n, N), that keeps torque and acceleration limits, with room, or
@@ -109,7 +124,8 @@ class Shaper:
         near: bool = False,
         roughly: bool = False,
     ) -> Shaped:
-        """The best motion near one, (n, N), closed at every knot.
+        """The best motion near one, (n, N), closed at every knot; of the shortest time if that is
+        sought.
 
         Args:
             course: at the knots.
@@ -119,15 +135,36 @@ class Shaper:
             roughly: whether an objective with kinks may be replaced by one without, and demands
                 that a program leaves out may stay out.
         """
-        case = replace(self._case(course, wanted), roughly=roughly)
+        case = replace(self._case(course, wanted), near=near, roughly=roughly)
+        return self._timed(case, q, self._best)
+
+    def _best(self, case: Case, q: Array) -> Shaped:
         if self.kinked:
-            rounded = self._solver.solved(replace(case, form=self._form(rounded=True)), q)
-            return rounded if roughly else self._sharpened(case, q, rounded)
-        if near:
-            found = self._solver.solved(replace(case, near=True), q)
-            if found.converged:
-                return found
-        return self._solver.solved(case, q)
+            rounded = self._solver.solved(
+                replace(case, near=False, form=self._form(rounded=True)), q
+            )
+            return rounded if case.roughly else self._sharpened(case, q, rounded)
+        found = self._solver.solved(case, q)
+        if case.near and not found.converged:
+            return self._solver.solved(replace(case, near=False), q)
+        return found
+
+    def _quickest(self, case: Case, q: Array) -> Shaped:
+        return self._solver.solved(replace(case, near=False, form=self._form(shortest=True)), q)
+
+    def _timed(self, case: Case, q: Array, best: Callable[[Case, Array], Shaped]) -> Shaped:
+        """The best of a case near a motion, in little more than the shortest time if that is
+        sought.
+        """
+        if not self.shortest:
+            return best(case, q)
+        quick = self._quickest(case, q)
+        if not quick.converged:
+            return quick
+        wanted = replace(case.wanted, duration=quick.duration * (1 + _LONGER))
+        found = best(replace(case, wanted=wanted), quick.q)
+        # So little time to spare may leave too little room for a program.
+        return found if found.converged else quick
 
     @property
     def forceful(self) -> bool:
@@ -151,57 +188,53 @@ class Shaper:
         """
         start = rounded.q if rounded.converged else q
         for slack in _SLACKS:
-            found = self._solver.solved(replace(case, slack=slack), start)
+            found = self._solver.solved(replace(case, near=False, slack=slack), start)
             if found.converged:
                 return found
         return rounded if rounded.converged else found
 
-    def kept(self, course: Course, found: Shaped, wanted: Wanted, *, shortest: bool) -> Shaped:
-        """The same where speeds, accelerations and torques as they are reported keep limits.
+    def kept(self, course: Course, found: Shaped, wanted: Wanted) -> Shaped:
+        """The same where speeds, accelerations and torques as they are reported keep limits; where
+        the shortest is sought it lasts longer for that, as little as can be.
 
         Args:
             course: at the knots.
             found: what the program ended with.
             wanted: what it had to keep.
-            shortest: whether the motion may last longer for that, as little as can be.
         """
         case = self._case(course, wanted)
         for number in range(_TIGHTENINGS):
             used = self._used(course, found)
             if not found.converged or used.within:
                 return found
-            if shortest and used.forces_within:
+            if self.shortest and used.forces_within:
                 longer = found.duration * used.speeds.max() * (1 + _LEAST * 10.0 ** (number // 2))
                 found = replace(found, duration=float(longer))
                 continue
             case = replace(
                 case,
-                speeds=case.speeds if shortest else case.speeds * _left(used.speeds),
+                speeds=case.speeds if self.shortest else case.speeds * _left(used.speeds),
                 shares=case.shares * _left(used.torques),
                 calm=case.calm * _left(used.accelerations),
             )
-            found = self._again(case, found, shortest=shortest)
+            found = self._again(case, found)
         if self._used(course, found).within:
             return found
         return replace(found, converged=False, status="Limits_Not_Kept", violated=("", 0, 0.0))
 
-    def _again(self, case: Case, found: Shaped, *, shortest: bool) -> Shaped:
+    def _again(self, case: Case, found: Shaped) -> Shaped:
         """The best motion of a tightened program, near the one before."""
-        if not shortest:
+        if not self.shortest:
             return self._solver.solved(case, found.q, found.multipliers)
         wanted = replace(case.wanted, duration=found.duration)
-        quick = self._solver.solved(
-            replace(case, wanted=wanted, form=self._form(shortest=True)), found.q
-        )
-        if not quick.converged:
-            return quick
-        wanted = replace(wanted, duration=quick.duration * (1 + LONGER))
-        best = self._solver.solved(replace(case, wanted=wanted), quick.q)
-        return best if best.converged else quick
+        return self._timed(replace(case, wanted=wanted), found.q, self._solver.solved)
 
-    def _case(self, course: Course, wanted: Wanted, *, shortest: bool = False) -> Case:
-        every, form = np.ones(len(course)), self._form(shortest=shortest)
-        return Case(course, wanted, form, False, _SLACKS[0], self.speeds, every, every)
+    def _case(self, course: Course, wanted: Wanted) -> Case:
+        every = np.ones(len(course))
+        return Case(
+            course, wanted, self._form(), self._smoothness, False, _SLACKS[0], self.speeds, every,
+            every,
+        )  # fmt: skip
 
     def _used(self, course: Course, found: Shaped) -> _Used:
         driven = self._drive.driven(course, self._machinery.split(found.q), found.duration)

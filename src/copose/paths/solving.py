@@ -55,6 +55,7 @@ class Shaped:
         status: in IPOPT's words.
         violated: what is broken most, at which knot, by how much.
         multipliers: of the program's answer.
+        share: of torque and acceleration limits, where as little of them as can be is sought.
     """
 
     q: Array
@@ -63,6 +64,7 @@ class Shaped:
     status: str
     violated: tuple[str, int, float]
     multipliers: Multipliers | None = None
+    share: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +75,7 @@ class Case:
         course: at the knots.
         wanted: what it has to keep.
         form: of its program.
+        smoothness: s²/rad² per unit of the objective.
         near: whether its program starts near its answer.
         slack: how wide the bounds of an objective with kinks start.
         speeds: of joints, (N,).
@@ -84,6 +87,7 @@ class Case:
     course: Course
     wanted: Wanted
     form: Form
+    smoothness: float
     near: bool
     slack: float
     speeds: Array
@@ -95,19 +99,16 @@ class Case:
 class Solver:
     """Builds and solves the programs of one cell."""
 
-    def __init__(
-        self, machinery: Machinery, drive: Drive, smoothness: float, *, kinked: bool
-    ) -> None:
+    def __init__(self, machinery: Machinery, drive: Drive, *, kinked: bool) -> None:
         """Programs are built when they are asked for.
 
         Args:
             machinery: what is built.
             drive: computes rates and wrenches.
-            smoothness: s²/rad² per unit of the objective.
             kinked: whether the objective has kinks where it is largest.
         """
         self._machinery, self._drive = machinery, drive
-        self._smoothness, self._kinked = smoothness, kinked
+        self._kinked = kinked
         self._tasks: dict[tuple[Form, tuple[Slot, ...]], KnotTask] = {}
         self._numbers = self._count_numbers()
 
@@ -225,7 +226,7 @@ class Solver:
             Task(
                 parameters=parameters,
                 duration=wanted.duration,
-                smoothness=self._smoothness,
+                smoothness=case.smoothness,
                 lower=lower,
                 upper=upper,
                 speeds=case.speeds,
@@ -239,9 +240,15 @@ class Solver:
         duration = wanted.duration
         if case.form.shortest:
             duration *= float(ended.y[0, task.slices["stretch"].start])
-        joints = ended.y[:, : task.joints]
+        share = float(ended.y[0, task.slices["share"].start]) if case.form.sparing else None
         return Shaped(
-            joints, duration, ended.converged, ended.status, ended.violated, ended.multipliers
+            q=ended.y[:, : task.joints],
+            duration=duration,
+            converged=ended.converged,
+            status=ended.status,
+            violated=ended.violated,
+            multipliers=ended.multipliers,
+            share=share,
         )
 
     def _bounds(self, count: int, wanted: Wanted) -> tuple[Array, Array]:

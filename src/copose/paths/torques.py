@@ -75,16 +75,12 @@ class Torques:
         """The first knot at which no contact wrenches, however large, carry the object at rest, or
         as it moves too; None where there is none.
         """
+        E, balance = exertable(self._cell), self._cell.system.space.balance
         loads = [self.loads(course, np.inf), *([self.inertial(course)] if moving else [])]
         for k, station in enumerate(course.stations):
-            P = np.hstack(_balance(self._cell, station.pose.rotation))
-            U, s, _ = np.linalg.svd(P)
-            # Directions that contacts can do nothing about.
-            rest = U[:, int((s > _CARRIED * s[0]).sum()) :]
             for load in loads:
-                if np.abs(rest.T @ load[k]).max(initial=0.0) > _CARRIED * (
-                    1 + np.abs(load[k]).max()
-                ):
+                own = turn(station.pose, balance).T @ load[k]
+                if np.abs(own - E.T @ (E @ own)).max() > _CARRIED * (1 + np.abs(own).max()):
                     return k
         return None
 
@@ -163,10 +159,10 @@ def _balance(cell: Cell, rotation: Array) -> list[Array]:
     return found
 
 
-def turn(base: Pose, rows: Sequence[int]) -> Array:
-    """From root axes to world axes, (m, m)."""
+def turn(frame: Pose, rows: Sequence[int]) -> Array:
+    """From the axes of a frame to those of the world, some rows of wrenches, (rows, rows)."""
     whole = np.zeros((6, 6))
-    whole[:3, :3] = whole[3:, 3:] = base.rotation
+    whole[:3, :3] = whole[3:, 3:] = frame.rotation
     return whole[np.ix_(rows, rows)]
 
 

@@ -39,8 +39,8 @@ _SAME = 1e-3
 _EVEN = 2
 # How many times longer than the graph's shortest a motion lasts that spares torques.
 _EASY = 3.0
-# Of routes that are to be calm, s²/rad² per unit of the objective.
-_CALM = 3.0
+# Of routes, and of motions, that are to be calm, s²/rad² per unit of the objective.
+_CALM, _VERY_CALM = 3.0, 100.0
 # Shares of limits that are beyond what a motion with finer knots may change, and beyond what other
 # routes may where accelerations are limited.
 _SURELY, _VERY_SURELY = 1.05, 3.0
@@ -162,7 +162,7 @@ class Trial:
     def outcome(self) -> Outcome:
         """Motions of the best routes, of more where those fail or time counts."""
         machinery = self._machinery
-        shortest, forceful = self.finisher.shortest, self.finisher.shaper.forceful
+        shortest, forceful = self.finisher.shaper.shortest, self.finisher.shaper.forceful
         simple = all(roadmap.simple for roadmap in self.roadmaps)
         sure = simple and not forceful and len(self.roadmaps) <= 2
         most = _ROUTES if sure else _MORE_ROUTES
@@ -213,7 +213,7 @@ class Trial:
         """
         self.progress("shaping the motion", 0.7)
         finisher, course = self.finisher, self.course
-        if finisher.shortest or not finisher.shaper.forceful:
+        if finisher.shaper.shortest or not finisher.shaper.forceful:
             return self._direct(route)
         q = finisher.closed(self._finder.postures(route), course)
         wanted = self.wanted(q, self.duration)
@@ -226,7 +226,7 @@ class Trial:
         strain = largest_strain(self._machinery, finisher.drive, course, loose.q, loose.duration)
         found, easy = loose, strain.times <= 1
         if not easy:
-            found = finisher.shaped(course, loose.q, wanted, roughly=True)
+            found = finisher.shaper.shaped(course, loose.q, wanted, roughly=True)
         made = replace(self._valued(route, found), easy=easy)
         if made.value is None:
             _, spared = self._spared(route, loose.q)
@@ -241,7 +241,9 @@ class Trial:
         self.progress("shaping the motion", 0.8)
         q = self.finisher.closed(self._finder.postures(route), self.course)
         wanted = self.wanted(q, self.duration)
-        return self._valued(route, self.finisher.shaped(self.course, q, wanted, roughly=True))
+        return self._valued(
+            route, self.finisher.shaper.shaped(self.course, q, wanted, roughly=True)
+        )
 
     def _valued(self, route: Route, found: Shaped) -> Tried:
         if not found.converged:
@@ -276,25 +278,31 @@ class Trial:
         """
         self.progress("sparing torques", 0.8)
         finisher, course = self.finisher, self.course
-        wanted = self.wanted(q, self.duration * (_EASY if finisher.shortest else 1.0))
+        wanted = self.wanted(q, self.duration * (_EASY if finisher.shaper.shortest else 1.0))
+        if finisher.shaper.hasty:
+            calm = finisher.shaper.loose(course, q, wanted, calm=_VERY_CALM)
+            q = calm.q if calm.converged else q
         found = finisher.shaper.sparing(course, q, wanted)
-        if not found.converged:
+        if not found.converged or found.share is None:
             return None, None
         strain = largest_strain(self._machinery, finisher.drive, course, found.q, found.duration)
+        # As it is reported a motion may strain them more: finishing tightens the program for that.
+        strain = replace(strain, times=found.share)
         if strain.times > 1 + HELD:
             return strain, None
         wanted = self.wanted(found.q, found.duration)
-        return strain, self._valued(route, finisher.shaped(course, found.q, wanted))
+        shaped = finisher.shaper.shaped(course, found.q, wanted, roughly=True)
+        return strain, self._valued(route, shaped)
 
     def _too_fast(self) -> Obstruction | None:
         """That the shortest motions of the quickest routes last longer than is asked for."""
-        if self.finisher.shortest:
+        if self.finisher.shaper.shortest:
             return None
         shortest = [np.inf]
         for route in self._finder.quickest(_ROUTES, _DISTANCE):
             q = self.finisher.closed(self._finder.postures(route), self.course)
             wanted = self.wanted(q, self.duration)
-            found = self.finisher.shaper.shortest(self.course, q, wanted)
+            found = self.finisher.shaper.quickest(self.course, q, wanted)
             shortest += [found.duration] if found.converged else []
         least = min(shortest)
         if not self.duration < least < np.inf:
