@@ -39,8 +39,9 @@ _SAME = 1e-3
 _EVEN = 2
 # How many times longer than the graph's shortest a motion lasts that spares torques.
 _EASY = 3.0
-# Of routes, and of motions, that are to be calm, s²/rad² per unit of the objective.
-_CALM, _VERY_CALM = 3.0, 100.0
+# How smooth routes are, s²/rad² per unit of the objective, whose joints are to move little, and
+# motions.
+_CALM, _VERY_CALM = (3.0, 100.0), 100.0
 # Shares of limits that are beyond what a motion with finer knots may change, and beyond what other
 # routes may where accelerations are limited.
 _SURELY, _VERY_SURELY = 1.05, 3.0
@@ -144,11 +145,6 @@ class Trial:
             return self._finder
         return self._finder_of(self.values.within(capacity))
 
-    @cached_property
-    def _calm(self) -> Finder:
-        """Finds routes whose joints move little."""
-        return self._finder_of(self.values, calm=_CALM)
-
     def _finder_of(self, values: Values, calm: float = 0.0) -> Finder:
         path, arms = self.finisher.path, self._machinery.cell.arms
         worth = Worth(
@@ -180,8 +176,9 @@ class Trial:
             routes = careful or routes
             found += [self._direct(route) for route in routes]
         if self.finisher.shaper.hasty and not shortest and (best is None or not best.easy):
-            calm = self._calm.routes(_ROUTES, _DISTANCE)
-            found += [tried for tried in map(self._spared_route, calm) if tried is not None]
+            for calm in _CALM:
+                calmer = self._finder_of(self.values, calm).routes(_ROUTES, _DISTANCE)
+                found += [tried for tried in map(self._spared_route, calmer) if tried is not None]
         if shortest or all(each.value is None for each in found):
             found += [self._made(route) for route in self._finder.quickest(_ROUTES, _DISTANCE)]
         if any(each.value is not None for each in found):
