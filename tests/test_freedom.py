@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import functools
 import json
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -366,6 +367,87 @@ def test_a_fixed_arm_stays_at_its_start(space: str, links: int) -> None:
     assert moved.after.joints["a1"] == start
     assert moved.objective.after >= solution.objective.after - 1e-9
     check_places(cell, moved)
+
+
+def arms_to_spare(held_links: int, moving_links: int) -> dict:
+    """A rigid grasp, the first arm held, the second anywhere; both with joints to spare or none."""
+    cell = random_planar(5, "planar", 5)
+    for arm, count in zip(cell["arms"], (held_links, moving_links), strict=True):
+        arm["links"] = [dict(link, length=0.4, com=0.2) for link in arm["links"][:count]]
+        arm["links"][-1] |= {"length": 0.2, "com": 0.1}
+    return held(cell, 0)
+
+
+def closed_postures(cell: dict, i: int, count: int) -> np.ndarray:
+    """Random postures of arm i that hold the object, by the closed form of its last three joints.
+
+    Its links are 0.4 m long, the last one 0.2 m.
+    """
+    arm, rng = cell["arms"][i], np.random.default_rng(0)
+    goal = reference.pose(cell["object"]) * reference.pose(arm["grasp"])
+    tip = np.arctan2(goal.rotation[1, 0], goal.rotation[0, 0])
+    wrist = goal.translation[:2] - 0.2 * np.array([np.cos(tip), np.sin(tip)])
+    free = rng.uniform(-np.pi, np.pi, (count, len(arm["links"]) - 3))
+    turned = arm["base"]["angle"] + np.cumsum(free, axis=1)
+    place = np.array(arm["base"]["position"]) + 0.4 * np.stack(
+        [np.cos(turned).sum(axis=1), np.sin(turned).sum(axis=1)], axis=1
+    )
+    angle = turned[:, -1] if turned.shape[1] else np.full(count, arm["base"]["angle"])
+    x, y = (wrist - place).T
+    elbow = np.arccos((x**2 + y**2) / (2 * 0.4**2) - 1) * rng.choice([-1, 1], count)
+    shoulder = np.arctan2(y, x) - elbow / 2 - angle
+    return np.column_stack([free, shoulder, elbow, tip - angle - shoulder - elbow])
+
+
+@pytest.mark.parametrize("held_links", [3, 4, 5])
+@pytest.mark.parametrize("moving_links", [3, 4, 5])
+@pytest.mark.filterwarnings("ignore:invalid value encountered in arccos")
+def test_a_fixed_arm_beside_one_that_moves(held_links: int, moving_links: int) -> None:
+    cell = arms_to_spare(held_links, moving_links)
+    truth = Truth(cell)
+    start = cell["arms"][0]["start"]
+    postures = closed_postures(cell, 1, 400)
+    values = []
+    for q in postures[np.isfinite(postures).all(axis=1)]:
+        there = truth.at({"a1": start, "a2": q})
+        assert max(there.closure.values()) <= 1e-8
+        values.append(-0.5 * np.linalg.slogdet(there.gram)[1] + np.log(4 * np.pi / 3))
+    solution = solved(cell)
+    assert solution.after.joints["a1"] == tuple(start)
+    assert solution.objective.after >= max(values) - 1e-9
+    if moving_links == 3:
+        assert solution.objective.after == pytest.approx(max(values), abs=1e-7)
+
+
+def test_a_fixed_arm_is_the_same_to_compiled_kernels(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    problem = parse(arms_to_spare(4, 5))
+    expected = copose.solve(problem)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("COPOSE_COMPILE", "1")
+    planner = copose.Planner(problem)
+    assert planner.compile()
+    solution = planner.solve()
+    assert (solution.after, solution.search) == (expected.after, expected.search)
+
+
+@pytest.mark.parametrize(
+    "kind", ["volume", "worst-direction", "isotropy", "velocity-volume", "acceleration", "payload"]
+)
+def test_arms_that_are_all_fixed(kind: str) -> None:
+    """The answer is the posture itself."""
+    cell = arms_to_spare(4, 3)
+    start = solved(stuck(cell), "low").before.joints["a2"]
+    cell["arms"][1] |= {"fixed": True, "start": list(start)}
+    cell["world"] = {"gravity": [0.0, -9.81]}
+    for arm in cell["arms"]:
+        arm["torque_limits"] = [100.0] * len(arm["links"])
+    direction = {"direction": [1.0, 0.0, 0.0]} if kind == "acceleration" else {}
+    cell["objective"] = {"kind": kind} | direction
+    solution, given_posture = solved(cell), copose.evaluate(parse(cell))
+    assert solution.after.joints == solution.before.joints == given_posture.after.joints
+    assert solution.objective.after == solution.objective.before == given_posture.objective.after
 
 
 def test_a_fixed_arm_that_misses_its_grasp() -> None:

@@ -383,6 +383,11 @@ class Machinery:
     def solve_programs(self, setting: Setting, q: Array) -> Iterator[LocalSolve]:
         """Runs of IPOPT from postures, (count, N)."""
         objective, holding = setting.objective, setting.holding
+        if all(arm.fixed for arm in setting.cell.arms):
+            # IPOPT refuses a program without freedom, in which each posture is its own optimum.
+            for start, allowed in zip(q, self.allowed(setting, q), strict=True):
+                yield LocalSolve(start, bool(allowed), "Fixed", {}, 0.0)
+            return
         if self.capacity is None or holding is None or not isinstance(objective, LimitsMeasure):
             yield from self._programs(setting, q, None)
             return

@@ -167,6 +167,9 @@ class Polisher:
 
     def polish(self, q: Array) -> Polished:
         """Climb from closed postures, (count, N), to local maxima."""
+        if not self.crews:
+            sums = np.broadcast_to(self.rest, (len(q), np.size(self.rest)))
+            return Polished(q, self.score.slope(sums, self.given)[:, 0], np.zeros(len(q)))
         found = Polished(q.copy(), np.full(len(q), -np.inf), np.full(len(q), np.inf))
 
         def settle(some: Mask, error: Array) -> None:

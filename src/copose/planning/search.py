@@ -224,7 +224,7 @@ def compared(
         # was polished for another sum before: so what is polished is combined anew.
         postures = polished.postures(_RECOMBINED if few else 2 * most)
         for i, kernels in enumerate(() if few else machinery.arms):
-            if K > 1 and kernels.n > kernels.m:
+            if K > 1 and kernels.n > kernels.m and not cell.arms[i].fixed:
                 found = polished.responses(i, postures_of[i], most)
                 postures[i] = np.vstack([postures[i], found])
         if setting.clearance is not None:
