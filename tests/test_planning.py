@@ -241,6 +241,24 @@ def test_an_open_start_is_projected() -> None:
     moved = np.array(solution.before.joints["a1"]) - cell["arms"][0]["start"]
     assert 1e-4 < np.abs(moved).max() < 0.2
     assert max(solution.before.closure_error.values()) < 1e-8
+    gap = Truth(cell).at({arm["name"]: arm["start"] for arm in cell["arms"]}).closure["a1"]
+    (note,) = [note for note in solution.notes if "misses" in note]
+    most = np.abs(moved).argmax()
+    assert f"'a1' misses its grasp by {gap:.3g} m:" in note
+    assert note.endswith(f"by up to {np.abs(moved).max():.3g} rad (joint{most + 1})")
+
+
+def test_a_start_that_is_turned_away_from_its_grasp() -> None:
+    cell = two_pandas()
+    joints = solved(cell).before.joints
+    for arm in cell["arms"]:
+        arm["start"] = list(joints[arm["name"]])
+    assert not any("misses" in note for note in solved(cell).notes)
+    cell["arms"][1]["start"][6] += 0.3
+    solution = solved(cell)
+    (note,) = [note for note in solution.notes if "misses" in note]
+    # The last axis of a Panda goes through the origin of its hand.
+    assert f"'right' misses its grasp by 0 m and {np.degrees(0.3):.3g}°:" in note
 
 
 def test_the_margin_is_kept() -> None:

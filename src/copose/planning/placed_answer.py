@@ -120,7 +120,7 @@ class PlacedRun:
         self, search: PlacementSearch, found: Placements
     ) -> tuple[Placing | None, tuple[str, ...]]:
         """At the file's pose, clipped into the ranges, the start or the seed's first posture."""
-        xs = search.nominal
+        xs, problem = search.nominal, self.run.cell.problem
         cases, joints = [], []
         notes: list[str] = []
         for k, each in enumerate(found.first):
@@ -128,7 +128,8 @@ class PlacedRun:
                 return None, ("at the file's pose no posture closes the chain",)
             one = replace(self.run, setting=search.setting(k, xs[k]))
             measured, more = one.before(each)
-            notes += more
+            case = f"{problem.cases[k].name}: " if problem.cases else ""
+            notes += [case + note for note in more]
             cases.append(Case(measured, search.weights[k]))
             joints.append(np.concatenate([np.array(q) for q in measured.posture.joints.values()]))
         placed = Placed(xs, tuple(joints), 0.0)

@@ -45,6 +45,8 @@ EffortName: TypeAlias = Literal["low", "normal", "high"]
 
 # What a returned posture may miss its grasp by, m or rad.
 CLOSURE_TOLERANCE = 1e-8
+# What a start may miss its grasp by without a note, m or rad: as `evaluate` takes it for closed.
+_START_CLOSED = 1e-6
 _STANDS = 1e-6
 _NUDGES = 8
 
@@ -137,8 +139,7 @@ class Run:
         tried = EFFORTS[effort]
         if not self.cell.problem.search.reachable:
             return None, search(self.machinery, self.setting, self.seed, tried, self.progress)
-        starts = [None if arm.start is None else self.closed(i, arm.start, as_given=True)
-                  for i, arm in enumerate(self.cell.arms)]  # fmt: skip
+        starts = [self.start(i)[0] for i in range(len(self.cell.arms))]
         within = WithinReach.of(
             self.machinery, self.setting, starts, self.seed, tried, self.progress
         )
@@ -254,30 +255,52 @@ class Run:
     def before(self, found: Found) -> tuple[Measurement, tuple[str, ...]]:
         """The start of the file, closed, or the first closed posture that the seed gives."""
         joints, notes = [], []
-        for i, (arm, sample) in enumerate(zip(self.cell.arms, found.samples, strict=True)):
-            q = sample.closed[0]
-            if arm.start is not None:
-                q = self.closed(i, arm.start, as_given=True)
-            if q is None:
-                q = sample.closed[0]
-                notes.append(
-                    f"the start of arm {arm.name!r} could not be projected onto its grasp; the "
-                    "first closed posture of the seed stands in for it"
-                )
-            joints.append(q)
+        for i, sample in enumerate(found.samples):
+            q, said = self.start(i)
+            notes += said
+            joints.append(sample.closed[0] if q is None else q)
         measured = self.machinery.measure(self.setting, joints)
         return measured, (*notes, *margin_notes(self.cell, joints))
 
+    def start(self, i: int) -> tuple[Array | None, tuple[str, ...]]:
+        """Joints of arm i where its start closes, None where it has none or it does not close; and
+        a note where they are not the file's.
+        """
+        arm, cell, kernels = self.cell.arms[i], self.cell, self.machinery.arms[i]
+        if arm.start is None:
+            return None, ()
+        gap = kernels.gap(arm.start[None], self.setting.placement.goals[i])[0]
+        angle = 2 * np.arctan2(np.linalg.norm(gap[4:]), abs(gap[3]))
+        distance = float(np.linalg.norm(gap[:3]))
+        rigid = cell.system.space.rigid
+        missed = f"{round(distance, 9):.3g} m" + (f" and {np.degrees(angle):.3g}°" if rigid else "")
+        missed = f"the start of arm {arm.name!r} misses its grasp by {missed}"
+        q = self.closed(i, arm.start, as_given=True)
+        if q is None:
+            return None, (
+                f"{missed} and could not be projected onto it; the first closed posture of the "
+                "seed stands in for it",
+            )
+        if max(distance, angle if rigid else 0.0) <= _START_CLOSED:
+            return q, ()
+        moved = np.abs(cell.nearest_turn(i, q - arm.start))
+        joint = arm.joints[int(moved.argmax())]
+        unit = "rad" if joint.kind == "revolute" else "m"
+        return q, (
+            f"{missed}: it was projected onto it, which moved the joints by up to "
+            f"{moved.max():.3g} {unit} ({joint.name})",
+        )
+
     def _where(self, within: WithinReach) -> tuple[Measurement, tuple[str, ...]]:
         """Where the arms are that have to reach what is sought."""
-        notes = [
-            f"arm {arm.name!r} has no start: it is taken to be where the seed's first posture is"
-            if arm.start is None
-            else f"the start of arm {arm.name!r} could not be projected onto its grasp; the first "
-            "closed posture of the seed stands in for it"
-            for i, arm in enumerate(self.cell.arms)
-            if arm.start is None or self.closed(i, arm.start, as_given=True) is None
-        ]
+        notes: list[str] = []
+        for i, arm in enumerate(self.cell.arms):
+            notes += self.start(i)[1]
+            if arm.start is None:
+                notes.append(
+                    f"arm {arm.name!r} has no start: it is taken to be where the seed's first "
+                    "posture is"
+                )
         measured = self.machinery.measure(self.setting, within.start)
         return measured, (*notes, *margin_notes(self.cell, within.start))
 
