@@ -254,7 +254,8 @@ class Run:
 
     def before(self, found: Found) -> tuple[Measurement, tuple[str, ...]]:
         """The start of the file, closed, or the first closed posture that the seed gives."""
-        joints, notes = [], []
+        joints: list[Array] = []
+        notes: list[str] = []
         for i, sample in enumerate(found.samples):
             q, said = self.start(i)
             notes += said
