@@ -95,12 +95,14 @@ def test_arms_of_one_model_share_their_kernels() -> None:
 
 @needs_compiler
 def test_the_cache_is_kept_and_private(home: Path) -> None:
-    assert build([small()], wait=True)
+    first = small()
+    assert build([first], wait=True)
     assert home.stat().st_mode & 0o777 == 0o700
     files = {file: file.stat().st_mtime_ns for file in home.iterdir()}
     assert [file.suffix for file in files] == [".so"]
     again = small()
-    assert again.load() and again.compiled
+    # Planners may come and go: a process has each library once.
+    assert again.load() and again._evaluate is first._evaluate
     assert {file: file.stat().st_mtime_ns for file in home.iterdir()} == files
     assert small(2.0).key != again.key
 
@@ -136,22 +138,11 @@ def test_links_are_not_followed(home: Path, tmp_path: Path) -> None:
 
 
 @needs_compiler
-@pytest.mark.parametrize("content", [b"", b"not a library", b"\x7fELF"])
-def test_a_broken_library_is_survived(content: bytes, home: Path) -> None:
-    home.mkdir(mode=0o700)
-    kernel = small()
-    (home / f"{kernel.key}.so").write_bytes(content)
-    assert not kernel.load()
-    x, p = points(kernel, 2, 1)
-    assert np.isfinite(kernel(x, p)).all()
-
-
-@needs_compiler
 def test_a_library_that_computes_something_else_is_refused(home: Path) -> None:
-    other = small(2.0)
+    other, kernel = small(2.0), small()
     assert build([other], wait=True)
-    kernel = small()
-    (home / f"{other.key}.so").rename(home / f"{kernel.key}.so")
+    _, content = cache.stored(other.key, ".so")
+    cache.store(kernel.key, ".so", content)
     assert not kernel.load()
     x, p = points(kernel, 2, 1)
     assert kernel(x, p)[3, 0] == pytest.approx(np.sin(x[3, 0]) * p[0])
@@ -283,11 +274,3 @@ def test_no_home_is_survived(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     monkeypatch.setenv("COPOSE_COMPILE", "1")
     assert cache.folder() is None and not build([small()], wait=True)
-
-
-@needs_compiler
-def test_a_junk_library_is_replaced(home: Path) -> None:
-    home.mkdir(mode=0o700)
-    kernel = small()
-    (home / f"{kernel.key}.so").write_bytes(b"junk")
-    assert build([kernel], wait=True) and kernel.compiled

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import os
-import tempfile
+import io
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,41 +11,28 @@ import numpy as np
 
 from copose.collision import capsules
 from copose.collision.capsules import Capsule
-from copose.kernels.cache import folder
+from copose.kernels import cache
 from copose.poses import Array, Indices, frozen_array
+
+_SUFFIX = ".npy"
 
 
 def remembered(
     fit: Callable[..., tuple[Capsule, ...]], *given: Array | Indices
 ) -> tuple[Capsule, ...]:
     """What a function makes of some arrays, from the cache where it has done so before."""
-    place = folder()
-    if place is None:
-        return fit(*given)
     code = hashlib.sha256(fit.__name__.encode() + Path(capsules.__file__).read_bytes())
     for array in given:
         code.update(np.ascontiguousarray(array).tobytes())
-    file = place / f"{code.hexdigest()[:32]}.npy"
-    with contextlib.suppress(OSError, ValueError):
-        rows = np.load(file, allow_pickle=False)
-        if rows.ndim == 2 and rows.shape[1] == 7 and np.isfinite(rows).all():
-            return tuple(
-                Capsule(frozen_array(row[:3]), frozen_array(row[3:6]), float(row[6]))
-                for row in rows
-            )
-    found = fit(*given)
-    with contextlib.suppress(OSError):
-        _write(file, np.array([[*c.a, *c.b, c.radius] for c in found]))
-    return found
-
-
-def _write(file: Path, rows: Array) -> None:
-    """Whole or not at all."""
-    handle, name = tempfile.mkstemp(dir=file.parent, suffix=".npy")
-    try:
-        with os.fdopen(handle, "wb") as sink:
-            np.save(sink, rows)
-        Path(name).replace(file)
-    except OSError:
-        Path(name).unlink(missing_ok=True)
-        raise
+    key = code.hexdigest()[:32]
+    known = cache.stored(key, _SUFFIX)
+    if known is not None:
+        rows = np.load(io.BytesIO(known[1]), allow_pickle=False)
+        return tuple(
+            Capsule(frozen_array(row[:3]), frozen_array(row[3:6]), float(row[6])) for row in rows
+        )
+    fitted = fit(*given)
+    content = io.BytesIO()
+    np.save(content, np.array([[*c.a, *c.b, c.radius] for c in fitted]))
+    cache.store(key, _SUFFIX, content.getvalue())
+    return fitted

@@ -1,12 +1,15 @@
-"""Compiled kernels in the user's cache folder.
+"""The user's cache folder, and compiled kernels in it.
 
 Loading a library runs its code, so only what this user compiled is loaded: from a folder that is
-the user's own and that nobody else can enter.
+the user's own and that nobody else can enter. Files in it may be damaged all the same, by a full
+disk, a lost machine or another program, and a damaged library ends the process: each is read and
+checked against the digest in its name first.
 """
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import shlex
 import shutil
@@ -16,16 +19,20 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from copose.kernels import whole_file
 from copose.kernels.source import FLAGS
+from copose.kernels.whole_file import name_of, settled
 
 _PATIENCE = 120.0
 _BUILDING = ".building-"
-# After which files of a compilation are taken to be left over, s.
+# After which what is in the making is taken to be left over, s.
 _STALE = 2 * _PATIENCE
+# Libraries that this process has loaded; their names tell what is in them.
+_loaded: dict[Path, ctypes.CDLL] = {}
 
 
 def wanted() -> bool:
@@ -72,18 +79,87 @@ def folder() -> Path | None:
     return place if own and stat.S_IMODE(found.st_mode) & 0o077 == 0 else None
 
 
-def library(key: str) -> Path | None:
-    """The compiled kernel of a key, if it is there and may be loaded."""
+def stored(key: str, suffix: str) -> tuple[Path, bytes] | None:
+    """The file of a key and its content, if it is there, whole and the user's alone.
+
+    What is not is removed, for it to be made anew.
+    """
     place = folder()
     if place is None:
         return None
-    file = place / f"{key}.so"
+    with contextlib.suppress(OSError):
+        for file in place.glob(f"{key}-*{suffix}"):
+            content = _content(file)
+            if content is not None and file.name == name_of(key, content, suffix):
+                return file, content
+            _remove(file)
+    return None
+
+
+def store(key: str, suffix: str, content: bytes) -> None:
+    """Keep a content under a key; without a folder that can be written to nothing is kept."""
+    place = folder()
+    if place is None:
+        return
+    _sweep(place)
+    with contextlib.suppress(OSError), _written(place, suffix, content) as file:
+        file.replace(place / settled(file, key))
+
+
+def library(key: str) -> ctypes.CDLL | None:
+    """The compiled kernel of a key, if it is there and may be loaded.
+
+    Raises:
+        OSError: it cannot be loaded.
+    """
+    found = stored(key, ".so")
+    if found is None:
+        return None
+    file, content = found
+    if file not in _loaded:
+        _loaded[file] = _opened(file, content)
+    return _loaded[file]
+
+
+def _opened(file: Path, content: bytes) -> ctypes.CDLL:
+    """A library, from a copy that nobody else knows of where there can be one.
+
+    Whoever writes to a library that is in use ends the process.
+    """
+    with contextlib.suppress(OSError), _written(file.parent, file.suffix, content) as copy:
+        return ctypes.CDLL(str(copy))
+    return ctypes.CDLL(str(file))
+
+
+@contextlib.contextmanager
+def _written(place: Path, suffix: str, content: bytes) -> Iterator[Path]:
+    """A file in the making, for as long as it is needed."""
+    handle, name = tempfile.mkstemp(dir=place, prefix=_BUILDING, suffix=suffix)
     try:
-        found = file.lstat()
+        with os.fdopen(handle, "wb") as sink:
+            sink.write(content)
+        yield Path(name)
+    finally:
+        Path(name).unlink(missing_ok=True)
+
+
+def _content(file: Path) -> bytes | None:
+    """What is in a file; None where it is none, or not the user's alone."""
+    try:
+        state = file.lstat()
+        own = stat.S_ISREG(state.st_mode) and state.st_uid == os.geteuid()
+        return file.read_bytes() if own and stat.S_IMODE(state.st_mode) & 0o022 == 0 else None
     except OSError:
         return None
-    own = stat.S_ISREG(found.st_mode) and found.st_uid == os.geteuid()
-    return file if own and stat.S_IMODE(found.st_mode) & 0o022 == 0 else None
+
+
+def _remove(file: Path) -> None:
+    """Remove a file, a link or a folder, if that can be done."""
+    with contextlib.suppress(OSError):
+        if file.is_dir() and not file.is_symlink():
+            shutil.rmtree(file, ignore_errors=True)
+        else:
+            file.unlink()
 
 
 @dataclass(frozen=True)
@@ -97,16 +173,6 @@ class Code:
 
     text: str
     sizes: tuple[int, int, int]
-
-
-# A library that crashes must do so in a process of its own.
-_TRIAL = """\
-import ctypes, sys
-sizes = [int(size) for size in sys.argv[2:]]
-x, p, y = ((ctypes.c_double * (2 * size + 1))() for size in sizes)
-evaluate = ctypes.CDLL(sys.argv[1]).evaluate
-evaluate(ctypes.c_long(2), x, p, ctypes.c_long(0), y)
-"""
 
 
 def fill(codes: Mapping[str, Callable[[], Code]], *, wait: bool) -> None:
@@ -133,7 +199,6 @@ def fill(codes: Mapping[str, Callable[[], Code]], *, wait: bool) -> None:
     except OSError:
         return
     try:
-        (scratch / "trial.py").write_text(_TRIAL, encoding="utf-8")
         lines = ["umask 077"]
         patient = shutil.which("timeout")
         limited = [patient, str(int(_PATIENCE))] if patient is not None else []
@@ -144,12 +209,13 @@ def fill(codes: Mapping[str, Callable[[], Code]], *, wait: bool) -> None:
                 # The virtual machine knows more operations than we write in C.
                 continue
             (scratch / f"{key}.c").write_text(code.text, encoding="utf-8")
-            steps = (
-                [*limited, *command, *FLAGS, "-o", f"{key}.so", f"{key}.c", "-lm"],
-                [*limited, sys.executable, "-I", "trial.py", f"./{key}.so", *map(str, code.sizes)],
-                ["mv", "-f", f"{key}.so", f"{place}/"],
+            build = [*limited, *command, *FLAGS, "-o", f"{key}.so", f"{key}.c", "-lm"]
+            sizes = map(str, code.sizes)
+            trial = [*limited, sys.executable, "-I", whole_file.__file__, f"{key}.so", key, *sizes]
+            lines.append(
+                f"{shlex.join(build)} && name=$({shlex.join(trial)}) "
+                f'&& mv -f {key}.so {shlex.quote(str(place))}/"$name"'
             )
-            lines.append(" && ".join(shlex.join(step) for step in steps))
     except OSError:
         shutil.rmtree(scratch, ignore_errors=True)
         return
@@ -175,8 +241,8 @@ def fill(codes: Mapping[str, Callable[[], Code]], *, wait: bool) -> None:
 
 
 def _sweep(place: Path) -> None:
-    """Remove what compilations that were killed have left behind."""
+    """Remove what runs that were killed have left behind."""
     for left in place.glob(f"{_BUILDING}*"):
         with contextlib.suppress(OSError):
-            if time.time() - left.stat().st_mtime > _STALE:
-                shutil.rmtree(left, ignore_errors=True)
+            if time.time() - left.lstat().st_mtime > _STALE:
+                _remove(left)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import functools
 import hashlib
 import platform
 from collections.abc import Callable, Iterable
@@ -21,30 +20,33 @@ _PROBE = 4
 
 
 class Kernel:
-    """y(x, p) of many points: by CasADi's virtual machine, or by compiled code, bit for bit."""
+    """y(x, p) of many points: by CasADi's virtual machine, or by compiled code, bit for bit.
+
+    Threads may share it.
+    """
 
     def __init__(self, x: ca.SX, p: ca.SX, y: ca.SX) -> None:
         """The kernel of an expression y, (ny,), of symbols x, (nx,), and p, (np,)."""
-        self._function = ca.Function("kernel", [x, p], [ca.densify(ca.vec(y))])
+        self._expressions = [x, p], [ca.densify(ca.vec(y))]
+        self._function = ca.Function("kernel", *self._expressions)
         self._nx, self._np, self._ny = x.numel(), p.numel(), y.numel()
         self._evaluate: Callable[..., None] | None = None
         self._refused = False
+        self._key: str | None = None
+        # Those that no thread is using.
+        self._idle = [_Interpreter(self._function)]
 
-    @functools.cached_property
-    def _one(self) -> _Buffered:
-        return _Buffered(self._function, 1)
-
-    @functools.cached_property
-    def _many(self) -> _Buffered:
-        return _Buffered(self._function, _BLOCK)
-
-    @functools.cached_property
+    @property
     def key(self) -> str:
         """Names compiled code: a hash of the expression, what writes it, compiler and machine."""
-        code = hashlib.sha256(self._function.serialize().encode())
-        setting = (*source.FLAGS, *(cache.compiler() or ()), platform.machine())
-        code.update(Path(source.__file__).read_bytes() + "\0".join(setting).encode())
-        return code.hexdigest()[:32]
+        # Python 3.11 locks a cached property while one thread computes it, and a fork would find it
+        # locked for good.
+        if self._key is None:
+            code = hashlib.sha256(self._function.serialize().encode())
+            setting = (*source.FLAGS, *(cache.compiler() or ()), platform.machine())
+            code.update(Path(source.__file__).read_bytes() + "\0".join(setting).encode())
+            self._key = code.hexdigest()[:32]
+        return self._key
 
     def code(self) -> cache.Code:
         """What it is compiled from."""
@@ -59,17 +61,26 @@ class Kernel:
     def __call__(self, x: Array, p: Array) -> Array:
         """y, (count, ny), at x, (count, nx), and p, (np,) for all of them or (count, np)."""
         x, p = np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(p, dtype=float)
-        y = np.empty((len(x), self._ny))
         if self._evaluate is not None:
-            stride = self._np if p.ndim == 2 else 0
-            self._evaluate(len(x), _address(x), _address(p), stride, _address(y))
-            return y
-        whole = len(x) - len(x) % _BLOCK
-        for first in range(0, whole, _BLOCK):
-            rows = slice(first, first + _BLOCK)
-            self._many(x[rows], p[rows] if p.ndim == 2 else p, y[rows])
-        for k in range(whole, len(x)):
-            self._one(x[k], p[k] if p.ndim == 2 else p, y[k])
+            return self._run(self._evaluate, x, p)
+        return self._interpreted(x, p)
+
+    def _run(self, evaluate: Callable[..., None], x: Array, p: Array) -> Array:
+        """By compiled code."""
+        y = np.empty((len(x), self._ny))
+        stride = self._np if p.ndim == 2 else 0
+        evaluate(len(x), _address(x), _address(p), stride, _address(y))
+        return y
+
+    def _interpreted(self, x: Array, p: Array) -> Array:
+        """By the virtual machine, with buffers that no other thread is using."""
+        try:
+            interpreter = self._idle.pop()
+        except IndexError:
+            # A function of its own: one that is shared has a lock that a fork may find taken.
+            interpreter = _Interpreter(ca.Function("kernel", *self._expressions))
+        y = interpreter(x, p)
+        self._idle.append(interpreter)
         return y
 
     def forgive(self) -> None:
@@ -80,23 +91,24 @@ class Kernel:
         """Use the compiled code if the cache has it; whether it is in use."""
         if self._evaluate is not None or self._refused or not cache.wanted():
             return self.compiled
-        file = cache.library(self.key)
-        if file is None:
-            return False
         try:
-            evaluate = ctypes.CDLL(str(file)).evaluate
+            library = cache.library(self.key)
+            evaluate = None if library is None else library.evaluate
         except (OSError, AttributeError):
             self._refused = True
+            return False
+        if evaluate is None:
             return False
         pointer = ctypes.c_void_p
         evaluate.argtypes = [ctypes.c_long, pointer, pointer, ctypes.c_long, pointer]
         evaluate.restype = None
         rng = np.random.default_rng(0)
         x, p = rng.uniform(0.1, 1, (_PROBE, self._nx)), rng.uniform(0.1, 1, (_PROBE, self._np))
-        expected = self(x, p)
-        self._evaluate = evaluate
-        if not np.allclose(self(x, p), expected, rtol=1e-9, atol=1e-9, equal_nan=True):
-            self._evaluate, self._refused = None, True
+        values, expected = self._run(evaluate, x, p), self._interpreted(x, p)
+        if np.allclose(values, expected, rtol=1e-9, atol=1e-9, equal_nan=True):
+            self._evaluate = evaluate
+        else:
+            self._refused = True
         return self.compiled
 
 
@@ -104,6 +116,25 @@ def _address(array: Array) -> int:
     # A third of the time that array.ctypes.data takes.
     address: int = array.__array_interface__["data"][0]
     return address
+
+
+class _Interpreter:
+    """A function in CasADi's virtual machine, one thread at a time."""
+
+    def __init__(self, function: ca.Function) -> None:
+        self._ny = function.nnz_out(0)
+        self._one, self._block = _Buffered(function, 1), _Buffered(function, _BLOCK)
+
+    def __call__(self, x: Array, p: Array) -> Array:
+        """See `Kernel`."""
+        y = np.empty((len(x), self._ny))
+        whole = len(x) - len(x) % _BLOCK
+        for first in range(0, whole, _BLOCK):
+            rows = slice(first, first + _BLOCK)
+            self._block(x[rows], p[rows] if p.ndim == 2 else p, y[rows])
+        for k in range(whole, len(x)):
+            self._one(x[k], p[k] if p.ndim == 2 else p, y[k])
+        return y
 
 
 class _Buffered:

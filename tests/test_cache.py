@@ -1,0 +1,251 @@
+"""What the cache keeps is whole, or made anew: a damaged library would end the process.
+
+Every kind of damage is done in a process of its own, so that one that dies is a test that fails.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from copose.collision.capsules import Capsule
+from copose.collision.remembered import remembered
+from copose.kernels import cache
+
+DAMAGE = """
+import io, json, os, shutil, sys
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from copose.collision.capsules import Capsule
+from copose.collision.remembered import remembered
+from copose.kernels import Kernel, build
+
+home = Path(os.environ["XDG_CACHE_HOME"]) / "copose"
+
+
+def kernel(factor):
+    x, p = ca.SX.sym("x", 3), ca.SX.sym("p", 2)
+    return Kernel(x, p, ca.vertcat(factor * ca.sin(x) * p[0], ca.exp(x[0]) + p[1]))
+
+
+def array(rows):
+    file = io.BytesIO()
+    np.save(file, rows)
+    return file.getvalue()
+
+
+def anything(whole):
+    return np.random.default_rng(0).bytes(len(whole))
+
+
+# What a whole file holds, in which the kind of damage is done; and another's of the same folder.
+CONTENTS = {
+    "truncated": lambda whole, other: whole[: len(whole) // 2],
+    "empty": lambda whole, other: b"",
+    "zeroed": lambda whole, other: bytes(len(whole)),
+    "one bit": lambda whole, other: whole[:-9] + bytes([whole[-9] ^ 1]) + whole[-8:],
+    "head alone": lambda whole, other: whole[:64],
+    "longer": lambda whole, other: whole + b"more",
+    "any bytes": lambda whole, other: anything(whole),
+    "another's content": lambda whole, other: other,
+    "no rows": lambda whole, other: array(np.zeros((0, 7))),
+    "no numbers": lambda whole, other: array(np.full((2, 7), np.nan)),
+    "another shape": lambda whole, other: array(np.zeros(7)),
+}
+
+
+def damage(kind, file, other):
+    if kind in CONTENTS:
+        file.write_bytes(CONTENTS[kind](file.read_bytes(), other.read_bytes()))
+        return
+    if kind == "another's name":
+        key, digest = file.stem.split("-")
+        file.unlink()
+        shutil.copy(other, other.with_name(f"{key}-{other.stem.split('-')[1]}{other.suffix}"))
+        return
+    whole = file.rename(home.parent / file.name)
+    if kind == "folder":
+        file.mkdir()
+        (file / "inside").write_text("")
+    elif kind == "link":
+        file.symlink_to(whole)
+    elif kind == "link to nothing":
+        file.symlink_to("nowhere")
+    elif kind == "pipe":
+        os.mkfifo(file)
+    elif kind == "open to others":
+        file.write_bytes(whole.read_bytes())
+        file.chmod(0o666)
+
+
+def library(kind):
+    x, p = np.random.default_rng(1).normal(size=(40, 3)), np.array([2.0, 3.0])
+    first, second = kernel(1.0), kernel(2.0)
+    expected = first(x, p)
+    assert build([first, second], wait=True)
+    damage(kind, *(next(home.glob(f"{each.key}-*.so")) for each in (first, second)))
+    again = kernel(1.0)
+    assert not again.load() and build([again], wait=True) and kernel(1.0).load()
+    # What is in use already is none the worse.
+    assert all(np.array_equal(each(x, p), expected) for each in (first, again))
+
+
+def fitted(points):
+    fitted.calls += 1
+    return tuple(Capsule(a, a + 1.0, 0.5) for a in points)
+
+
+def capsules(kind):
+    fitted.calls, files = 0, []
+    for file in home.glob("*.npy"):
+        file.unlink()
+    for points in (np.eye(3), 2 * np.eye(3)):
+        known = set(home.glob("*.npy"))
+        remembered(fitted, points)
+        files += set(home.glob("*.npy")) - known
+    damage(kind, *files)
+    rows = [
+        [[*c.a, *c.b, c.radius] for c in remembered(fitted, np.eye(3))] for _ in range(2)
+    ]
+    expected = np.hstack([np.eye(3), np.eye(3) + 1.0, np.full((3, 1), 0.5)])
+    assert fitted.calls == 3 and all(np.array_equal(each, expected) for each in rows)
+
+
+what, *kinds = sys.argv[1:]
+for kind in kinds:
+    child = os.fork()
+    if not child:
+        try:
+            globals()[what](kind)
+        except BaseException as error:
+            print(what, kind, repr(error), file=sys.stderr, flush=True)
+            os._exit(1)
+        os._exit(0)
+    print(json.dumps([kind, os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])]), flush=True)
+"""
+
+EVERY = (
+    "truncated", "empty", "zeroed", "one bit", "any bytes", "another's content", "another's name",
+    "folder", "link",
+)  # fmt: skip
+KINDS = {
+    "library": (*EVERY, "head alone"),
+    "capsules": (
+        *EVERY, "longer", "no rows", "no numbers", "another shape", "link to nothing", "pipe",
+        "open to others",
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict:
+    """How the process of each kind of damage ended, and what those of one kind of file said."""
+    ends = {}
+    for what, kinds in KINDS.items():
+        if what == "library" and cache.compiler() is None:
+            continue
+        home = tmp_path_factory.mktemp(what)
+        answer = subprocess.run(
+            [sys.executable, "-c", DAMAGE, what, *kinds],
+            env={**os.environ, "XDG_CACHE_HOME": str(home), "COPOSE_COMPILE": "1"},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert answer.returncode == 0, answer.stderr
+        for line in answer.stdout.splitlines():
+            kind, status = json.loads(line)
+            ends[what, kind] = status
+        ends[what] = answer.stderr
+    return ends
+
+
+@pytest.mark.parametrize(
+    ("what", "kind"), [(what, kind) for what, kinds in KINDS.items() for kind in kinds]
+)
+def test_what_is_damaged_is_made_anew(what: str, kind: str, outcomes: dict) -> None:
+    if what == "library" and cache.compiler() is None:
+        pytest.skip("no C compiler here")
+    assert outcomes[what, kind] == 0, outcomes[what]
+
+
+def test_what_is_damaged_is_made_anew_silently(outcomes: dict) -> None:
+    assert all(outcomes[what] == "" for what in KINDS if what in outcomes)
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return tmp_path / "copose"
+
+
+def ball(points: np.ndarray) -> tuple[Capsule, ...]:
+    return (Capsule(points[0], points[0], 1.0),)
+
+
+def test_names_have_the_digest_of_key_and_content(home: Path) -> None:
+    cache.store("0a1b", ".npy", b"content")
+    (file,) = home.iterdir()
+    assert (
+        file.name == f"0a1b-{hashlib.sha256(b'0a1b' + bytes(1) + b'content').hexdigest()[:32]}.npy"
+    )
+    assert cache.stored("0a1b", ".npy") == (file, b"content")
+    assert cache.stored("0a1", ".npy") is None and cache.stored("0a1b", ".so") is None
+
+
+def test_what_killed_runs_leave_behind_is_swept(home: Path) -> None:
+    assert cache.folder() == home
+    long_ago = time.time() - 3600
+    for name in ("old file", "old folder", "new file"):
+        left = home / f".building-{name}"
+        if "folder" in name:
+            left.mkdir()
+            (left / "kernel.c").write_text("")
+        else:
+            left.write_text("")
+        if "old" in name:
+            os.utime(left, (long_ago, long_ago))
+    remembered(ball, np.ones((1, 3)))
+    names = sorted(file.name for file in home.iterdir() if file.suffix != ".npy")
+    assert names == [".building-new file"]
+
+
+FULL = """
+import resource, sys
+import casadi as ca
+import numpy as np
+from copose.collision.remembered import remembered
+from copose.kernels import Kernel, build
+sys.path.insert(0, {tests!r})
+from test_cache import ball
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+x = ca.SX.sym("x", 2)
+kernel = Kernel(x, ca.SX(0, 1), 2 * x)
+assert not build([kernel], wait=True)
+assert np.array_equal(kernel(np.ones((1, 2)), np.zeros(0)), [[2.0, 2.0]])
+assert remembered(ball, np.ones((1, 3)))[0].radius == 1.0
+"""
+
+
+def test_a_full_disk_is_survived(home: Path) -> None:
+    """No file can grow beyond 0 bytes, which root may not do either."""
+    answer = subprocess.run(
+        [sys.executable, "-c", FULL.format(tests=str(Path(__file__).parent))],
+        env={**os.environ, "COPOSE_COMPILE": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (answer.returncode, answer.stderr) == (0, "")
+    assert list(home.iterdir()) == []
