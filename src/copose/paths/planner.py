@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 from copose import kernels
+from copose.kernels import one_at_a_time
 from copose.paths.answering import Answer
 from copose.paths.asking import asked
 from copose.paths.drive import Drive
@@ -24,12 +25,15 @@ from copose.results import Motion
 class PathPlanner:
     """Plans motions along the path of one problem; everything is built once.
 
+    Threads may share it, and take turns. A pickled one is its problem, from which it is built anew.
+
     Attributes:
         problem: as read by `copose.load`.
         path: its ``[path]``.
         build_s: seconds that building took.
     """
 
+    @one_at_a_time
     def __init__(self, problem: Problem, machinery: Machinery | None = None) -> None:
         """Build everything that planning needs.
 
@@ -51,6 +55,9 @@ class PathPlanner:
         self._kernels = (*self._shaper.kernels, *self._drive.kernels)
         self.build_s = time.perf_counter() - began
 
+    def __reduce__(self) -> tuple[type[PathPlanner], tuple[Problem]]:
+        return type(self), (self.problem,)
+
     def compile(self) -> bool:
         """Wait until the kernels are compiled; whether they are in use then."""
         return self._compiled(wait=True)
@@ -60,6 +67,7 @@ class PathPlanner:
         moving = kernels.build(self._kernels, wait=wait)
         return searching and moving
 
+    @one_at_a_time
     def plan(
         self,
         *,

@@ -13,6 +13,7 @@ from copose.capability.contact_limits import WrenchBounds, wrench_bounds
 from copose.capability.torque_limits import Demand, Dynamics
 from copose.kernels import Kernel
 from copose.planning.cell import Cell
+from copose.planning.parts import Parts
 from copose.poses import Array
 
 # What a torque may be over its limit, as a share of it, where an object is to be held.
@@ -84,9 +85,9 @@ class Capacity:
         self.kernels = tuple(kernels.values())
         self._arms = tuple(kernels[arm.arm.fingerprint] for arm in system.arms)
         couplings = [system.coupling(i) for i in range(len(system.arms))]
-        self._held = ca.Function(
-            "holding",
-            [system.parameters],
+        self._held = Parts(
+            system.parameters,
+            ca.SX(0, 1),
             [
                 *(coupling.motion for coupling in couplings),
                 *(coupling.balance for coupling in couplings),
@@ -111,7 +112,7 @@ class Capacity:
 
     def holding(self, cell: Cell) -> Holding:
         """Where a cell's object is, and how heavy."""
-        *parts, inertia = (np.array(ca.DM(part)) for part in self._held(cell.parameters))
+        *parts, inertia = self._held(cell.parameters, np.zeros(0))
         K, mass = len(self.limits), cell.problem.object.mass
         weight = np.zeros(self._b)
         fall = cell.system.gravity[: 2 if cell.problem.space.planar else 3]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from copose.collision import Scene
+from copose.kernels import one_at_a_time
 from copose.planning.cell import Cell
 from copose.planning.notes import standing_notes
 from copose.problem import Problem
@@ -20,6 +21,7 @@ class Check:
     notes: tuple[str, ...]
 
 
+@one_at_a_time
 def check(problem: Problem) -> Check:
     """Read the robots of a problem and look for what is wrong or doubtful.
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from copose.collision import Scene
 from copose.errors import InputError
+from copose.kernels import one_at_a_time
 from copose.planning.aims import objective_of
 from copose.planning.answering import Case, Placing, answer
 from copose.planning.cell import Cell
@@ -26,6 +27,7 @@ from copose.results import EllipsoidRecord, Posture, Solution, Timing
 TOLERANCE = 1e-6
 
 
+@one_at_a_time
 def evaluate(
     problem: Problem, joints: Mapping[str, Sequence[float]] | Solution | None = None
 ) -> Solution:
@@ -107,6 +109,7 @@ def _faults(cell: Cell, q: Sequence[Array], measured: Measurement) -> Iterator[s
             yield f"arm {name!r} misses its grasp by {error:.4g} {unit}"
 
 
+@one_at_a_time
 def verify(problem: Problem, solution: Solution) -> tuple[str, ...]:
     """Recompute every number of a result from its joints; say what does not agree.
 

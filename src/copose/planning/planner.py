@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from copose.errors import InputError, nearest
+from copose.kernels import one_at_a_time
 from copose.planning.cell import Cell
 from copose.planning.climbing import Progress
 from copose.planning.closing import CLOSED, project
@@ -48,12 +49,15 @@ class Planner:
 
     Where a C compiler is found its kernels are compiled in the background at the first use and
     kept for good; until they are ready CasADi's virtual machine serves, with the same answers.
+    Threads may share a planner: they build and solve in turns, and measure at the same time. A
+    pickled planner is its problem, from which it is built anew.
 
     Attributes:
         problem: as read by `copose.load`.
         build_s: seconds that building took.
     """
 
+    @one_at_a_time
     def __init__(self, problem: Problem) -> None:
         """Build everything that solving needs.
 
@@ -66,6 +70,9 @@ class Planner:
         self._nominal = self._machinery.setting(self._machinery.cell)
         self.build_s = time.perf_counter() - began
 
+    def __reduce__(self) -> tuple[type[Planner], tuple[Problem]]:
+        return type(self), (self.problem,)
+
     def compile(self) -> bool:
         """Wait until the kernels are compiled; whether they are in use then.
 
@@ -73,6 +80,7 @@ class Planner:
         """
         return self._machinery.compiled(wait=True)
 
+    @one_at_a_time
     def solve(
         self,
         *,
@@ -136,6 +144,7 @@ class Planner:
                 return solution
         return run.search(effort, verify) if placed is None else placed.search(effort, verify)
 
+    @one_at_a_time
     def polish(
         self,
         joints: Mapping[str, ArrayLike],
