@@ -8,17 +8,20 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
+import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from copose.collision.capsules import Capsule
 from copose.collision.remembered import remembered
-from copose.kernels import cache
+from copose.kernels import Kernel, build, cache
 
 DAMAGE = """
 import io, json, os, shutil, sys
@@ -205,20 +208,52 @@ def test_names_have_the_digest_of_key_and_content(home: Path) -> None:
 
 
 def test_what_killed_runs_leave_behind_is_swept(home: Path) -> None:
+    """Not what another process is making: it holds that as long as it lives."""
     assert cache.folder() == home
-    long_ago = time.time() - 3600
-    for name in ("old file", "old folder", "new file"):
-        left = home / f".building-{name}"
-        if "folder" in name:
-            left.mkdir()
-            (left / "kernel.c").write_text("")
-        else:
-            left.write_text("")
-        if "old" in name:
-            os.utime(left, (long_ago, long_ago))
-    remembered(ball, np.ones((1, 3)))
-    names = sorted(file.name for file in home.iterdir() if file.suffix != ".npy")
-    assert names == [".building-new file"]
+    for name in ("left.npy", "held.npy"):
+        (home / f".building-{name}").write_bytes(b"half")
+    for name in ("left", "held"):
+        (home / f".building-{name}").mkdir()
+        (home / f".building-{name}" / "kernel.c").write_text("")
+    for left in home.iterdir():
+        os.utime(left, (time.time() - 5, time.time() - 5))
+    with cache._held(home / ".building-held"), cache._held(home / ".building-held.npy"):
+        remembered(ball, np.ones((1, 3)))
+        names = sorted(file.name for file in home.glob(".*"))
+        assert names == [".building-held", ".building-held.npy"]
+    remembered(ball, np.zeros((1, 3)))
+    assert [file.suffix for file in home.iterdir()] == [".npy"] * 2
+
+
+@pytest.mark.skipif(cache.compiler() is None, reason="no C compiler here")
+def test_a_compiler_at_work_holds_its_folder(
+    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it makes stays while it lives, whoever began it, and goes once it is killed."""
+    slow = tmp_path / "cc"
+    pid = tmp_path / "pid"
+    slow.write_text(f"#!/bin/sh\necho $$ > {pid}.new; mv {pid}.new {pid}\nexec sleep 60\n")
+    slow.chmod(0o755)
+    monkeypatch.setenv("CC", str(slow))
+    monkeypatch.setenv("COPOSE_COMPILE", "1")
+    # That would be a group of its own, which is to be killed as a whole.
+    which = shutil.which
+    monkeypatch.setattr(shutil, "which", lambda name: None if name == "timeout" else which(name))
+    x = ca.SX.sym("x")
+    build([Kernel(x, ca.SX(0, 1), 3 * x)])
+    while not pid.exists():
+        time.sleep(0.02)
+    (scratch,) = home.glob(".building-*")
+    os.utime(scratch, (time.time() - 5, time.time() - 5))
+    cache.store("0a1b", ".npy", b"")
+    assert scratch.exists()
+    os.killpg(os.getpgid(int(pid.read_text())), signal.SIGKILL)
+    for _ in range(500):
+        cache.store("0a1b", ".npy", b"")
+        if not scratch.exists():
+            return
+        time.sleep(0.02)
+    raise AssertionError("a killed compiler's folder is still there")
 
 
 FULL = """

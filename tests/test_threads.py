@@ -10,7 +10,8 @@ import os
 import pickle
 import subprocess
 import sys
-from concurrent.futures import ProcessPoolExecutor
+import threading
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -160,6 +161,26 @@ def test_threads_share_planners(compiled: bool, tmp_path: Path) -> None:
 def test_threads_build_planners_at_the_same_time(tmp_path: Path) -> None:
     answer = run(BUILT, tmp_path)
     assert (answer.returncode, answer.stderr) == (0, "")
+
+
+def test_measuring_does_not_wait_for_a_search() -> None:
+    planner = copose.Planner(parse(planar(2, 3)))
+    postures = {name: np.zeros((3, 3)) for name in ("a1", "a2")}
+    begun, ended = threading.Event(), threading.Event()
+
+    def told_to_wait(what: str, done: float) -> None:
+        begun.set()
+        ended.wait(60)
+
+    with ThreadPoolExecutor(2) as pool:
+        search = pool.submit(planner.solve, effort="low", progress=told_to_wait)
+        try:
+            assert begun.wait(60)
+            moved = {"position": [0.0, 0.15]}
+            measured = pool.submit(planner.measure, postures, object_pose=moved).result(timeout=30)
+        finally:
+            ended.set()
+        assert len(measured.objective) == 3 and search.result().status == "solved"
 
 
 def test_processes_fork_while_threads_solve(tmp_path: Path) -> None:

@@ -29,8 +29,8 @@ from copose.kernels.whole_file import name_of, settled
 
 _PATIENCE = 120.0
 _BUILDING = ".building-"
-# After which what is in the making is taken to be left over, s.
-_STALE = 2 * _PATIENCE
+# How old what nobody holds must be to be left over, s: it is made a moment before it is held.
+_FRESH = 1.0
 # Libraries that this process has loaded; their names tell what is in them.
 _loaded: dict[Path, ctypes.CDLL] = {}
 
@@ -136,11 +136,36 @@ def _written(place: Path, suffix: str, content: bytes) -> Iterator[Path]:
     """A file in the making, for as long as it is needed."""
     handle, name = tempfile.mkstemp(dir=place, prefix=_BUILDING, suffix=suffix)
     try:
-        with os.fdopen(handle, "wb") as sink:
-            sink.write(content)
-        yield Path(name)
+        with _held(Path(name)):
+            with os.fdopen(handle, "wb") as sink:
+                sink.write(content)
+            yield Path(name)
     finally:
         Path(name).unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _held(left: Path, *, alone: bool = False) -> Iterator[int]:
+    """A file or folder in the making, held while a process lives that has the handle.
+
+    Args:
+        left: where it is.
+        alone: whether it must be certain that no other process holds it.
+
+    Raises:
+        OSError: it cannot be opened, or is not held alone.
+    """
+    # Windows has none.
+    import fcntl
+
+    handle = os.open(left, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    try:
+        # Not every file system knows locks: there nothing is swept.
+        with contextlib.nullcontext() if alone else contextlib.suppress(OSError):
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield handle
+    finally:
+        os.close(handle)
 
 
 def _content(file: Path) -> bytes | None:
@@ -198,51 +223,56 @@ def fill(codes: Mapping[str, Callable[[], Code]], *, wait: bool) -> None:
             scratch.mkdir(mode=0o700)
     except OSError:
         return
-    try:
-        lines = ["umask 077"]
-        patient = shutil.which("timeout")
-        limited = [patient, str(int(_PATIENCE))] if patient is not None else []
-        for key, write in codes.items():
-            try:
-                code = write()
-            except NotImplementedError:
-                # The virtual machine knows more operations than we write in C.
-                continue
-            (scratch / f"{key}.c").write_text(code.text, encoding="utf-8")
-            build = [*limited, *command, *FLAGS, "-o", f"{key}.so", f"{key}.c", "-lm"]
-            sizes = map(str, code.sizes)
-            trial = [*limited, sys.executable, "-I", whole_file.__file__, f"{key}.so", key, *sizes]
-            lines.append(
-                f"{shlex.join(build)} && name=$({shlex.join(trial)}) "
-                f'&& mv -f {key}.so {shlex.quote(str(place))}/"$name"'
-            )
-    except OSError:
-        shutil.rmtree(scratch, ignore_errors=True)
-        return
-    script = "\n".join([*lines, f"cd / && rm -rf {shlex.quote(str(scratch))}"])
-    # The shell returns at once and leaves the work to a child that nobody has to wait for.
-    run = script if wait else f"({script}\n) </dev/null >/dev/null 2>&1 &"
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError), _held(scratch) as handle:
+        script = _script(codes, command, place, scratch)
         shell = subprocess.Popen(
-            ["/bin/sh", "-c", run],
+            # The shell returns at once and leaves the work to a child that nobody has to wait for.
+            ["/bin/sh", "-c", script if wait else f"({script}\n) </dev/null >/dev/null 2>&1 &"],
             cwd=scratch,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
+            pass_fds=[handle],
             start_new_session=True,
         )
         try:
             shell.wait(_PATIENCE)
+            return
         except subprocess.TimeoutExpired:
             with contextlib.suppress(OSError):
                 os.killpg(shell.pid, signal.SIGKILL)
             shell.wait()
-            shutil.rmtree(scratch, ignore_errors=True)
+    shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _script(
+    codes: Mapping[str, Callable[[], Code]], command: list[str], place: Path, scratch: Path
+) -> str:
+    """What compiles kernels in a folder, tries each, moves it to its place and clears up."""
+    lines = ["umask 077"]
+    patient = shutil.which("timeout")
+    limited = [patient, str(int(_PATIENCE))] if patient is not None else []
+    for key, write in codes.items():
+        try:
+            code = write()
+        except NotImplementedError:
+            # The virtual machine knows more operations than we write in C.
+            continue
+        (scratch / f"{key}.c").write_text(code.text, encoding="utf-8")
+        build = [*limited, *command, *FLAGS, "-o", f"{key}.so", f"{key}.c", "-lm"]
+        sizes = map(str, code.sizes)
+        trial = [*limited, sys.executable, "-I", whole_file.__file__, f"{key}.so", key, *sizes]
+        lines.append(
+            f"{shlex.join(build)} && name=$({shlex.join(trial)}) "
+            f'&& mv -f {key}.so {shlex.quote(str(place))}/"$name"'
+        )
+    return "\n".join([*lines, f"cd / && rm -rf {shlex.quote(str(scratch))}"])
 
 
 def _sweep(place: Path) -> None:
     """Remove what runs that were killed have left behind."""
     for left in place.glob(f"{_BUILDING}*"):
         with contextlib.suppress(OSError):
-            if time.time() - left.lstat().st_mtime > _STALE:
-                _remove(left)
+            if time.time() - left.lstat().st_mtime > _FRESH:
+                with _held(left, alone=True):
+                    _remove(left)
