@@ -127,7 +127,7 @@ def truth(setting: Setting, q: list[np.ndarray]) -> dict[str, list[pin.GeometryO
     tables = setting.table["arms"]
     for i, table in enumerate(tables):
         file = str(example(table["urdf"].removeprefix("example-robot-data://")))
-        model = pin.buildModelFromUrdf(file)
+        model = pin.buildModelFromUrdf(file, mimic=True)
         # pin 4 warns where it is given folders, for it takes them for a geometry model first.
         os.environ["ROS_PACKAGE_PATH"] = str(ROBOTS.parents[1])
         geometry = pin.buildGeomFromUrdf(model, file, pin.GeometryType.COLLISION)
@@ -770,7 +770,7 @@ def test_an_arm_without_geometry_is_refused(
 ) -> None:
     with pytest.raises(InputError) as error:
         chain_cell(tmp_path, chain(shapes, base))
-    assert error.value.key == "arms[0].urdf"
+    assert error.value.key == "arms[0] (arm).urdf"
     assert error.value.file == tmp_path / "p.toml"
     assert "chain.urdf has no shape" in str(error.value)
     assert why in str(error.value)

@@ -7,7 +7,10 @@ import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
-_LONGEST = 500
+# With what the command puts in front, at most 600 characters.
+_LONGEST = 570
+# What a list of faults may take of them, beside the file and the key.
+_LISTED = 400
 
 
 class CoposeError(Exception):
@@ -19,7 +22,7 @@ class InputError(CoposeError):
 
     Args:
         message: what was wrong and what would be right.
-        key: path of the key in the file, such as ``arms[1].grasp.position``.
+        key: path of the key in the file, such as ``arms[1] (right).grasp.position``.
         file: the file at fault.
     """
 
@@ -38,8 +41,24 @@ def one_line(text: str) -> str:
     """Text with control characters replaced and its middle cut out where it is too long."""
     clean = "".join(c if c.isprintable() else " " for c in text)
     if len(clean) > _LONGEST:
-        clean = clean[: _LONGEST // 2] + " … " + clean[-_LONGEST // 2 :]
+        half = _LONGEST // 2 - 2
+        clean = f"{clean[:half]} … {clean[-half:]}"
     return clean
+
+
+def together(faults: Iterable[str]) -> str:
+    """As many different faults as fit into a message, at least one, and how many more there are."""
+    told = list(dict.fromkeys(faults))
+    kept = 1
+    while kept < len(told) and len("; ".join(told[: kept + 1])) <= _LISTED:
+        kept += 1
+    more = f" (and {len(told) - kept} more)" if kept < len(told) else ""
+    return "; ".join(told[:kept]) + more
+
+
+def arm_key(number: int, name: str) -> str:
+    """The key of an arm, with its name: ``arms[0] (left)``."""
+    return f"arms[{number}] ({name})"
 
 
 def shown(value: object) -> str:

@@ -11,12 +11,12 @@ import numpy as np
 from copose.collision.carriers import Carrier
 from copose.collision.solids import Solid
 from copose.collision.urdf_geometry import LinkShapes
-from copose.errors import InputError
+from copose.errors import InputError, arm_key
 from copose.poses import Array, Pose
 from copose.problem import Problem, UrdfArm
 from copose.robots import Arm
-from copose.robots.urdf import Robot, pose_of, posture, read_robot
-from copose.robots.urdf_tree import Tree, joint_frame, link_frame
+from copose.robots.urdf import Robot, RobotsRead, read_robot
+from copose.robots.urdf_tree import Tree
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +43,7 @@ class _Member:
         arm: the arm.
         locked: its joints that are held still, as in the problem.
         root: its root link.
-        links: T_universe_link, locked joints at their values and all others at 0.
-        joints: T_universe_joint of its free joints, then.
+        links: what moves each link and where it is, see `Tree.placed`.
         origin: T_world_universe.
     """
 
@@ -52,16 +51,16 @@ class _Member:
     arm: Arm
     locked: Mapping[str, float]
     root: str
-    links: Mapping[str, Pose]
-    joints: tuple[Pose, ...]
+    links: Mapping[str, tuple[str | None, Pose]]
     origin: Pose
 
     @classmethod
-    def of(cls, number: int, spec: UrdfArm, arm: Arm, robot: Robot) -> _Member:
-        links, joints = _placed(robot, spec.locked, arm.joint_names)
-        root = robot.tree.root if spec.root is None else spec.root
-        origin = arm.base @ links[root].inverse()
-        return cls(number, arm, spec.locked, root, links, joints, origin)
+    def of(cls, number: int, spec: UrdfArm, arm: Arm, tree: Tree) -> _Member:
+        names = arm.joint_names
+        links = tree.placed(tree.standing(spec.locked, names).at, names)
+        root = tree.root if spec.root is None else spec.root
+        origin = arm.base @ links[root][1].inverse()
+        return cls(number, arm, spec.locked, root, links, origin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,43 +68,36 @@ class _Team:
     """The arms of one robot: one URDF at one base.
 
     Attributes:
-        robot: what the URDF says.
+        tree: what the URDF says.
         shapes: of its links.
         members: its arms, in file order.
     """
 
-    robot: Robot
+    tree: Tree
     shapes: LinkShapes
     members: list[_Member]
 
-    def takes(self, robot: Robot, member: _Member) -> bool:
+    def takes(self, tree: Tree, member: _Member) -> bool:
         """Whether an arm is one of this robot."""
-        return self.robot.file == robot.file and bool(
+        return self.tree.file == tree.file and bool(
             np.allclose(_rows(self.members[0].origin), _rows(member.origin), rtol=0, atol=1e-9)
         )
 
     def solids(self) -> list[Solid]:
         """The links with a shape, the static ones in the root frame of the robot's first arm."""
         first = self.members[0]
-        standing, _ = _placed(self.robot, self._locked(), ())
-        universe = standing[first.root].inverse()
-        movers = {
-            name: (member, j)
-            for member in self.members
-            for j, name in enumerate(member.arm.joint_names)
-        }
+        standing = self.tree.placed(self.tree.standing(self._locked()).at)
+        universe = standing[first.root][1].inverse()
         found = []
         for link, parts in self.shapes.parts.items():
-            above = (joint.name for joint in self.robot.tree.ancestors(link))
-            mover = next((movers[name] for name in above if name in movers), None)
-            if mover is None:
-                carrier, pose = Carrier("root", first.number), universe @ standing[link]
-                name = first.arm.name
-            else:
-                member, j = mover
-                carrier = Carrier("joint", member.number, j)
-                pose = member.joints[j].inverse() @ member.links[link]
-                name = member.arm.name
+            name, carrier = first.arm.name, Carrier("root", first.number)
+            pose = universe @ standing[link][1]
+            for member in self.members:
+                mover, place = member.links[link]
+                if mover is not None:
+                    j = member.arm.joint_names.index(mover)
+                    name, carrier = member.arm.name, Carrier("joint", member.number, j)
+                    pose = place
             found.append(Solid(f"{name}/{link}", carrier, pose, parts))
         return sorted(
             found,
@@ -114,7 +106,7 @@ class _Team:
 
     def mounts(self) -> set[tuple[int, str]]:
         """(arm, name) of the static solids that are one body with what joint 0 hangs on."""
-        tree = self.robot.tree
+        tree = self.tree
         hangs_on = {joint.name: joint.parent for joint in tree.joints.values()}
         found = set()
         for member in self.members:
@@ -139,19 +131,19 @@ def robot_solids(problem: Problem, arms: Sequence[Arm]) -> RobotSolids:
         InputError: a URDF cannot be read, or gives no shape to any link that an arm moves.
     """
     folder = problem.source.parent if problem.source is not None else Path()
-    robots: dict[Path, Robot] = {}
-    shapes: dict[Path, LinkShapes] = {}
+    robots: RobotsRead = {}
+    shapes: dict[Robot, LinkShapes] = {}
     teams: list[_Team] = []
     for i, (spec, arm) in enumerate(zip(problem.arms, arms, strict=True)):
         if not isinstance(spec, UrdfArm):
             continue
-        robot = read_robot(spec, folder, f"arms[{i}]", robots)
-        if robot.file not in shapes:
-            shapes[robot.file] = LinkShapes.of(robot.tree)
-        member = _Member.of(i, spec, arm, robot)
-        team = next((team for team in teams if team.takes(robot, member)), None)
+        robot = read_robot(spec, folder, arm_key(i, arm.name), robots)
+        if robot not in shapes:
+            shapes[robot] = LinkShapes.of(robot)
+        member = _Member.of(i, spec, arm, robot.tree)
+        team = next((team for team in teams if team.takes(robot.tree, member)), None)
         if team is None:
-            team = _Team(robot, shapes[robot.file], [])
+            team = _Team(robot.tree, shapes[robot], [])
             teams.append(team)
         team.members.append(member)
     solids: list[Solid] = []
@@ -170,27 +162,10 @@ def robot_solids(problem: Problem, arms: Sequence[Arm]) -> RobotSolids:
 def _without_shape(team: _Team, member: _Member) -> InputError:
     why = f" ({'; '.join(team.shapes.notes)})" if team.shapes.notes else ""
     return InputError(
-        f"{team.robot.file.name} has no shape that can be read for any link that the arm "
+        f"{team.tree.file.name} has no shape that can be read for any link that the arm "
         f"moves{why}; collision needs <collision> or <visual> elements and their meshes",
-        key=f"arms[{member.number}].urdf",
+        key=f"{arm_key(member.number, member.arm.name)}.urdf",
     )
-
-
-def _placed(
-    robot: Robot, locked: Mapping[str, float], free: Sequence[str]
-) -> tuple[dict[str, Pose], tuple[Pose, ...]]:
-    """Poses of all links and of the free joints in the universe, these and others at 0."""
-    import pinocchio
-
-    model = robot.model
-    data = model.createData()
-    pinocchio.framesForwardKinematics(model, data, posture(model, dict(locked)))
-    links = {
-        link: pose_of(data.oMf[model.getFrameId(link_frame(link), pinocchio.FrameType.BODY)])
-        for link in robot.tree.links
-    }
-    joints = (pose_of(data.oMi[model.getJointId(joint_frame(name))]) for name in free)
-    return links, tuple(joints)
 
 
 def _anchor(tree: Tree, link: str) -> str:

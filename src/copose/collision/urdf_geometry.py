@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -12,9 +12,9 @@ import numpy as np
 
 from copose.collision.solids import Mesh, Part, Primitive, Shape
 from copose.errors import InputError, shown
-from copose.poses import Pose
 from copose.robots.paths import PACKAGE, resolve
-from copose.robots.urdf_tree import Tree, link_frame
+from copose.robots.urdf import Robot
+from copose.robots.urdf_tree import numbers, placement
 
 _FILE = "file://"
 # Links that a note names one by one.
@@ -42,16 +42,14 @@ class LinkShapes:
     notes: tuple[str, ...]
 
     @classmethod
-    def of(cls, tree: Tree) -> LinkShapes:
+    def of(cls, robot: Robot) -> LinkShapes:
         """The collision elements of a URDF's links, or what can stand in for them.
 
         Visual elements stand in where a link's collision elements cannot be read, and where the
         URDF has no collision elements at all.
         """
-        links = {
-            link.get("name", "").removeprefix(link_frame("")): link
-            for link in ET.fromstring(tree.xml).findall("link")
-        }
+        tree = robot.tree
+        links = {name: link.element for name, link in tree.links.items()}
         notes = []
         tag: Literal["collision", "visual"] = "collision"
         if all(link.find("collision") is None for link in links.values()):
@@ -60,7 +58,7 @@ class LinkShapes:
                 notes.append(
                     f"{tree.file.name} has no collision geometry; its visual geometry is tested"
                 )
-        reader = _Reader(tree.file)
+        reader = _Reader(tree.file, robot.packages)
         parts: dict[str, tuple[Part, ...]] = {}
         faults: dict[str, list[str]] = {_VISUAL: [], _REST: [], _LEFT_OUT: []}
         for name, link in links.items():
@@ -85,6 +83,7 @@ class _Reader:
     """Reads elements of one URDF, every mesh file once."""
 
     file: Path
+    packages: Mapping[str, Path]
     meshes: dict[tuple[Path, tuple[float, ...]], Mesh] = field(default_factory=dict)
 
     def read(self, link: ET.Element, tag: str) -> tuple[tuple[Part, ...], str]:
@@ -101,16 +100,14 @@ class _Reader:
         geometry = element.find("geometry")
         if geometry is None or not len(geometry):
             raise _UnreadableError("no geometry")
-        origin = element.find("origin")
-        position, rpy = (
-            _numbers(origin.get(key, "0 0 0") if origin is not None else "0 0 0", 3, key)
-            for key in ("xyz", "rpy")
-        )
-        return Part(self._shape(geometry[0]), Pose.from_rpy(position, rpy))
+        try:
+            return Part(self._shape(geometry[0]), placement(element))
+        except ValueError as error:
+            raise _UnreadableError(str(error)) from None
 
     def _shape(self, element: ET.Element) -> Shape:
         if element.tag == "mesh":
-            scale = _numbers(element.get("scale", "1 1 1"), 3, "scale")
+            scale = numbers(element, "scale", 3, "1 1 1")
             return self._mesh(element.get("filename", ""), scale)
         if element.tag == "box":
             return Primitive("box", _lengths(element, "size", 3))
@@ -123,7 +120,7 @@ class _Reader:
         raise _UnreadableError(f"unknown geometry {shown(element.tag)}")
 
     def _mesh(self, name: str, scale: tuple[float, ...]) -> Mesh:
-        file = mesh_file(name, self.file)
+        file = mesh_file(name, self.file, self.packages)
         if file is None:
             raise _UnreadableError(f"mesh {shown(name)} was not found")
         if (file, scale) not in self.meshes:
@@ -131,19 +128,23 @@ class _Reader:
         return self.meshes[file, scale]
 
 
-def mesh_file(name: str, urdf: Path) -> Path | None:
+def mesh_file(name: str, urdf: Path, packages: Mapping[str, Path]) -> Path | None:
     """The mesh that a URDF names, or None where it is not there.
 
     Args:
         name: ``package://…``, ``model://…``, ``file://…``, or a path relative to the URDF.
         urdf: its file; a package that it lies in is found without ROS.
+        packages: folders of packages by name, looked into first.
     """
     scheme, found, rest = name.partition("://")
     try:
         if found and scheme in ("package", "model"):
+            package, _, within = rest.partition("/")
+            if package in packages and (packages[package] / within).is_file():
+                return packages[package] / within
             for folder in urdf.parents:
                 path = folder.parent / rest
-                if folder.name == Path(rest).parts[0] and path.is_file():
+                if folder.name == package and path.is_file():
                     return path
             # Packages that lie beside the URDF's own, as in a folder of descriptions.
             for folder in urdf.parents:
@@ -169,19 +170,8 @@ def _loaded(file: Path, scale: tuple[float, ...]) -> Any:
     return mesh
 
 
-def _numbers(text: str, count: int, key: str) -> tuple[float, ...]:
-    try:
-        numbers = tuple(float(word) for word in text.split())
-    except ValueError:
-        numbers = ()
-    if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise _UnreadableError(f"{key} is {shown(text)}")
-    return numbers
-
-
 def _lengths(element: ET.Element, key: str, count: int) -> tuple[float, ...]:
-    text = element.get(key, "")
-    numbers = _numbers(text, count, key)
-    if min(numbers) <= 0:
-        raise _UnreadableError(f"{key} is {shown(text)}")
-    return numbers
+    values = numbers(element, key, count)
+    if min(values) <= 0:
+        raise _UnreadableError(f"{key} is {shown(element.get(key))}")
+    return values

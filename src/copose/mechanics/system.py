@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from copose.errors import InputError
+from copose.errors import InputError, arm_key
 from copose.mechanics.chain import Chain, Frame, constant, multiply_quaternions
 from copose.mechanics.dynamics import gravity_torques, inverse_dynamics, mass_matrix
 from copose.mechanics.held_object import HeldObject
@@ -225,7 +225,7 @@ class System:
 
         expressions = tuple(ArmMechanics.of(arm, space, frame(arm, "base")) for arm in arms)
         for i, expression in enumerate(expressions):
-            _check_mass_matrix(expression, f"arms[{i}]")
+            _check_mass_matrix(expression, arm_key(i, arms[i].name))
         grasps = tuple(frame(arm, "grasp") for arm in arms)
         held = HeldObject.held_at(space, grasps, load_distribution)
         fall = np.zeros(3) if gravity is None else gravity

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from copose.capability import RESOLUTIONS, Resolution
-from copose.errors import InputError, nearest
+from copose.errors import InputError, arm_key, nearest
 from copose.mechanics import System, object_parameters
 from copose.poses import Array, Mask
 from copose.problem import ConstraintsSpec, Problem, case_problems, moved
@@ -261,13 +261,13 @@ def _torque_limits(arms: Sequence[Arm], what: str) -> tuple[Array, ...]:
         InputError: a joint has none.
     """
     for i, arm in enumerate(arms):
-        for joint in arm.joints:
-            if not 0 < joint.effort < np.inf:
-                has = "is 0" if joint.effort == 0 else "has none"
-                raise InputError(
-                    f"{what} needs a torque limit on every joint; {joint.name!r} {has}",
-                    key=f"arms[{i}].torque_limits",
-                )
+        without = [repr(joint.name) for joint in arm.joints if joint.effort == np.inf]
+        if without:
+            have = "has none" if len(without) == 1 else "have none"
+            raise InputError(
+                f"{what} needs a torque limit on every joint; {', '.join(without)} {have}",
+                key=f"{arm_key(i, arm.name)}.torque_limits",
+            )
     return tuple(np.array([joint.effort for joint in arm.joints]) for arm in arms)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from copose.collision import Scene
-from copose.errors import InputError
+from copose.errors import InputError, arm_key
 from copose.kernels import one_at_a_time
 from copose.planning.aims import objective_of
 from copose.planning.answering import Case, Placing, answer
@@ -87,7 +87,7 @@ def _starts(cell: Cell) -> list[Array]:
         if arm.start is None:
             raise InputError(
                 "missing; to evaluate a posture give every arm a start, or name a result",
-                key=f"arms[{i}].start",
+                key=f"{arm_key(i, arm.name)}.start",
                 file=cell.problem.source,
             )
         starts.append(arm.start)

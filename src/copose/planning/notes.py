@@ -87,7 +87,7 @@ def _unit_notes(cell: Cell) -> list[str]:
 
 def _model_notes(cell: Cell) -> list[str]:
     """What the robots' files leave out or may have wrong."""
-    notes = []
+    notes = [note for arm in cell.arms for note in arm.notes]
     ungeared = [arm.name for arm in cell.arms if not arm.geared]
     if ungeared:
         notes.append(f"gears are ignored: no armature is given for {', '.join(ungeared)}")

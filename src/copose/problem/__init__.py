@@ -16,7 +16,15 @@ from copose.problem.objects import (
     SpatialObject,
 )
 from copose.problem.path import PathSpec, PlanarWaypoint, Waypoint
-from copose.problem.reading import case_problems, displaced, load, moved, parse, read_text
+from copose.problem.reading import (
+    case_problems,
+    displaced,
+    load,
+    moved,
+    parse,
+    read_bytes,
+    read_text,
+)
 from copose.problem.spaces import SPACES, Space, SpaceName
 from copose.problem.spec import ConstraintsSpec, PlanarProblem, Problem, SpatialProblem
 
@@ -49,5 +57,6 @@ __all__ = [
     "load",
     "moved",
     "parse",
+    "read_bytes",
     "read_text",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
@@ -19,10 +19,13 @@ from copose.problem.values import (
     Range,
     Spec,
     Text,
+    Torque,
     Triple,
 )
 
 _MOST_LINKS = 32
+
+FilePath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4000)]
 
 
 class Tool(Spec):
@@ -70,7 +73,7 @@ class ArmSpec(Spec):
 
     name: Name
     start: tuple[Number, ...] | None = None
-    torque_limits: tuple[Positive, ...] | None = None
+    torque_limits: tuple[Torque, ...] | None = None
     position_limits: tuple[Range, ...] | None = None
     velocity_limits: tuple[Positive, ...] | None = None
     acceleration_limits: tuple[Positive, ...] | None = None
@@ -89,9 +92,15 @@ class ArmSpec(Spec):
 
 
 class UrdfArm(ArmSpec):
-    """``[[arms]]`` with a URDF: the chain from ``root`` to ``tip``."""
+    """``[[arms]]`` with a URDF: the chain from ``root`` to ``tip``.
 
-    urdf: Annotated[str, Field(min_length=1, max_length=4000)]
+    ``packages`` says in which folders, relative to the problem file, the packages lie that
+    ``package://…`` names, in ``urdf`` and in that file; what it does not name is looked for on
+    ROS_PACKAGE_PATH and AMENT_PREFIX_PATH.
+    """
+
+    urdf: FilePath
+    packages: dict[str, FilePath] = Field(default_factory=dict)
     root: Text | None = None
     tip: Text
     locked: dict[str, Number] = Field(default_factory=dict)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from copose.errors import InputError, nearest, shown
+from copose.errors import InputError, arm_key, nearest, shown
 
 _WANTED = {
     "bool_type": "must be true or false",
@@ -24,10 +25,16 @@ _WANTED = {
 }
 
 
-def explain(error: ValidationError, model: type[BaseModel], source: Path | None) -> InputError:
+def explain(
+    error: ValidationError,
+    model: type[BaseModel],
+    source: Path | None,
+    data: Mapping[str, Any] | None = None,
+) -> InputError:
     """The first fault, with its key and what would be right, and how many more there are.
 
-    Unknown keys come first: a misspelt key is also a missing one.
+    Unknown keys come first: a misspelt key is also a missing one. The names of arms are those that
+    ``data`` gives them.
     """
     found = error.errors(include_url=False)
     # An array whose only entry is wrong is also called too short.
@@ -53,7 +60,9 @@ def explain(error: ValidationError, model: type[BaseModel], source: Path | None)
     text = _text(faults[0], owner, faults)
     if len(faults) > 1:
         text += f" (and {len(faults) - 1} more)"
-    return InputError(text, key=str(context.get("key", _key(location))), file=source)
+    return InputError(
+        text, key=_named(str(context.get("key", _key(location))), data or {}), file=source
+    )
 
 
 def _text(fault: ErrorDetails, owner: type[BaseModel] | None, faults: list[ErrorDetails]) -> str:
@@ -117,6 +126,22 @@ def _key(location: tuple[int | str, ...]) -> str:
     for part in location:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
     return text
+
+
+def _named(key: str, data: Mapping[str, Any]) -> str:
+    """A key with the name of the arm that it is of, where the arm has one."""
+    arm = re.match(r"arms\[(\d+)\]", key)
+    arms = data.get("arms")
+    if (
+        arm is None
+        or not isinstance(arms, (list, tuple))
+        or not isinstance(table := arms[int(arm[1])], Mapping)
+    ):
+        return key
+    name = table.get("name")
+    if not isinstance(name, str) or len(name) > 100:
+        return key
+    return arm_key(int(arm[1]), name) + key[arm.end() :]
 
 
 def _owner(

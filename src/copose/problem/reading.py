@@ -25,8 +25,8 @@ _MOST_BYTES = 1_000_000
 _DEEPEST = 20
 
 
-def read_text(path: Path, most_bytes: int = _MOST_BYTES) -> str:
-    """The text of a file, with every way in which it may be unreadable named."""
+def read_bytes(path: Path, most_bytes: int = _MOST_BYTES) -> bytes:
+    """What a file holds, with every way in which it may be unreadable named."""
     try:
         if path.is_dir():
             raise InputError("is a folder; a file was expected", file=path)
@@ -35,12 +35,18 @@ def read_text(path: Path, most_bytes: int = _MOST_BYTES) -> str:
         size = path.stat().st_size
         if size > most_bytes:
             raise InputError(f"is {size} bytes long; at most {most_bytes} are read", file=path)
-        return path.read_bytes().decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(f"is not UTF-8 text (byte {error.start})", file=path) from None
+        return path.read_bytes()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"cannot be read: {reason}", file=path) from None
+
+
+def read_text(path: Path, most_bytes: int = _MOST_BYTES) -> str:
+    """The text of a file in UTF-8, without the byte order mark of some editors."""
+    try:
+        return read_bytes(path, most_bytes).decode("utf-8").removeprefix("\ufeff")
+    except UnicodeDecodeError as error:
+        raise InputError(f"is not UTF-8 text (byte {error.start})", file=path) from None
 
 
 def load(path: str | Path) -> Problem:
@@ -79,7 +85,7 @@ def parse(data: Mapping[str, Any], source: Path | None = None) -> Problem:
     try:
         problem = model.model_validate(_as_tuples(data))
     except ValidationError as error:
-        raise explain(error, model, source) from None
+        raise explain(error, model, source, data) from None
     problem._source = source
     return problem
 
@@ -180,9 +186,11 @@ def _children(node: object) -> Iterator[object]:
 
 
 def _as_tuples(node: Any) -> Any:
-    """Arrays as tuples: a frozen problem holds nothing that can be changed."""
+    """Arrays as tuples: a frozen problem holds nothing that can be changed; scalars as Python's."""
     if isinstance(node, Mapping):
         return {key: _as_tuples(value) for key, value in node.items()}
     if isinstance(node, (list, tuple)):
         return tuple(_as_tuples(value) for value in node)
-    return _as_tuples(node.tolist()) if isinstance(node, np.ndarray) else node
+    if isinstance(node, np.ndarray):
+        return _as_tuples(node.tolist())
+    return node.item() if isinstance(node, np.generic) else node

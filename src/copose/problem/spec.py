@@ -94,6 +94,12 @@ class Problem(Spec):
         """The task space."""
         return SPACES[self.task.space]
 
+    @property
+    def kinematic(self) -> bool:
+        """Whether what is asked for depends on no mass of an arm."""
+        torque = self.constraints.static_torque or self.constraints.dynamic_torque
+        return self.objective.kind in ("velocity-volume", "force-volume") and not torque
+
     @field_validator("arms", "obstacles", "cases", check_fields=False)
     @classmethod
     def _distinct(cls, named: tuple[Named, ...], info: ValidationInfo) -> tuple[Named, ...]:

@@ -36,9 +36,14 @@ def _folder_name(value: str) -> str:
 
 
 def _limit(value: float) -> float:
-    if math.isnan(value) or _LARGEST < abs(value) < math.inf:
-        raise PydanticCustomError("copose", "must be within ±1e6, or ±inf for none")
+    if math.isnan(value):
+        raise PydanticCustomError("copose", "must be a number, or ±inf for none")
     return value
+
+
+def _unsigned(value: Any) -> Any:
+    """No torque limit is infinite, whatever its sign."""
+    return math.inf if value == -math.inf else value
 
 
 def whole(value: Any) -> Any:
@@ -102,6 +107,7 @@ Interval: TypeAlias = Annotated[tuple[Number, Number], AfterValidator(_range)]
 Name: TypeAlias = Annotated[str, AfterValidator(_name)]
 FolderName: TypeAlias = Annotated[str, AfterValidator(_folder_name)]
 Limit: TypeAlias = Annotated[float, AfterValidator(_limit)]
+Torque: TypeAlias = Annotated[float, BeforeValidator(_unsigned), Field(ge=_SMALLEST)]
 Range: TypeAlias = Annotated[tuple[Limit, Limit], AfterValidator(_range)]
 Direction: TypeAlias = Annotated[tuple[Number, ...], AfterValidator(_direction)]
 Inertia: TypeAlias = Annotated[

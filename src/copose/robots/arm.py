@@ -11,6 +11,8 @@ from copose.errors import InputError, shown
 from copose.poses import Array, Pose, frozen_array
 from copose.problem import ArmSpec
 
+# Position limits from here on stand for none.
+_NO_LIMIT = 1e6
 _PER_JOINT = (
     "start", "torque_limits", "position_limits", "velocity_limits", "acceleration_limits",
     "armature",
@@ -32,7 +34,8 @@ class Body:
 
     def __add__(self, other: Body) -> Body:
         mass = self.mass + other.mass
-        com = (self.mass * self.com + other.mass * other.com) / mass
+        moment = self.mass * self.com + other.mass * other.com
+        com = moment / mass if mass > 0 else self.com
         inertia = np.zeros((3, 3))
         for part in (self, other):
             offset = part.com - com
@@ -98,6 +101,8 @@ class Arm:
         geared: whether the rotors' inertia is known.
         free: which of ``base`` and ``grasp`` may be moved.
         fixed: whether it is held at its start.
+        weightless: why the inertia of its links is not known, if it is not.
+        notes: what its file says that is read otherwise.
     """
 
     name: str
@@ -111,6 +116,8 @@ class Arm:
     geared: bool = True
     free: tuple[str, ...] = ()
     fixed: bool = False
+    weightless: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def n(self) -> int:
@@ -149,6 +156,46 @@ def finite_range(lower: Array, upper: Array) -> tuple[Array, Array]:
         np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 2 * np.pi, -np.pi)
     )
     return low, np.where(np.isfinite(upper), upper, low + 2 * np.pi)
+
+
+class Doubts:
+    """What the limits of an arm's joints are read as, where that is not what its file says."""
+
+    def __init__(self) -> None:
+        """Nothing yet."""
+        self._joints: dict[str, list[str]] = {}
+
+    def positions(self, joint: str, limits: tuple[float, float]) -> tuple[float, float]:
+        """Limits of a joint's position; those of 1e6 and more are none."""
+        if any(_NO_LIMIT <= abs(limit) < np.inf for limit in limits):
+            self._note("position limits of 1e6 and more count as none", joint)
+        lower, upper = (limit if abs(limit) < _NO_LIMIT else np.inf for limit in limits)
+        return -lower if lower == np.inf else lower, upper
+
+    def positive(self, what: str, joint: str, limit: float | None, fault: str = "") -> float:
+        """A limit that only a positive number is; infinite where it is none, or not given.
+
+        Args:
+            what: it limits, in the plural.
+            joint: its name.
+            limit: as written.
+            fault: why it cannot be read, if it cannot.
+        """
+        if limit is not None and limit > 0:
+            return limit
+        if limit is not None or fault:
+            shown = "no number" if limit is None else f"{limit:g}"
+            self._note(f"limits of {what} that are not above zero count as not given", joint, shown)
+        return np.inf
+
+    def told(self, arm: str) -> tuple[str, ...]:
+        """A sentence on each kind, with the joints."""
+        return tuple(
+            f"arm {arm!r}: {what}: {', '.join(joints)}" for what, joints in self._joints.items()
+        )
+
+    def _note(self, what: str, joint: str, value: str = "") -> None:
+        self._joints.setdefault(what, []).append(f"{joint} ({value})" if value else joint)
 
 
 def check_lengths(spec: ArmSpec, names: tuple[str, ...], key: str) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from copose.errors import InputError
+from copose.errors import InputError, arm_key
 from copose.problem import PlanarArm, Problem, UrdfArm
 from copose.robots.arm import Arm
 from copose.robots.planar import planar_arm
+from copose.robots.urdf import RobotOnBase, RobotsRead, read_robot, urdf_arm
 
 
 def load_arms(problem: Problem) -> tuple[Arm, ...]:
@@ -20,7 +21,7 @@ def load_arms(problem: Problem) -> tuple[Arm, ...]:
     try:
         arms = _load(problem)
         for i, arm in enumerate(arms):
-            _check(arm, problem, f"arms[{i}]")
+            _check(arm, problem, arm_key(i, arm.name))
     except InputError as error:
         raise InputError(error.message, key=error.key, file=problem.source) from None
     return arms
@@ -29,33 +30,30 @@ def load_arms(problem: Problem) -> tuple[Arm, ...]:
 def _load(problem: Problem) -> tuple[Arm, ...]:
     planar = [spec for spec in problem.arms if isinstance(spec, PlanarArm)]
     if planar:
-        return tuple(planar_arm(spec, f"arms[{i}]") for i, spec in enumerate(planar))
-    # Pinocchio takes a quarter of a second to load, which planar problems need not wait for.
-    from copose.robots.urdf import Robot, RobotOnBase, read_robot, urdf_arm
-
+        return tuple(planar_arm(spec, arm_key(i, spec.name)) for i, spec in enumerate(planar))
     folder = problem.source.parent if problem.source is not None else Path()
-    read: dict[Path, Robot] = {}
+    read: RobotsRead = {}
     arms: list[Arm] = []
     robots: list[RobotOnBase] = []
     for i, spec in enumerate(spec for spec in problem.arms if isinstance(spec, UrdfArm)):
-        key = f"arms[{i}]"
-        arm, robot = urdf_arm(spec, read_robot(spec, folder, key, read), key)
-        for other, its_robot in zip(arms, robots, strict=True):
-            joint = robot.clash(its_robot)
-            if joint is not None:
+        key = arm_key(i, spec.name)
+        robot = read_robot(spec, folder, key, read)
+        arm, whole = urdf_arm(spec, robot, key, weighed=not problem.kinematic)
+        for other, its_whole in zip(arms, robots, strict=True):
+            clash = whole.clash(its_whole)
+            if clash is not None:
                 raise InputError(
-                    f"arms {other.name!r} and {arm.name!r} are one robot and both hang on joint "
-                    f"{joint!r}; lock it in both, so that the arms are independent",
+                    f"arms {other.name!r} and {arm.name!r} are one robot and {clash}",
                     key=f"{key}.locked",
                 )
-            if robot.same(its_robot) and "base" in (*arm.free, *other.free):
+            if whole.same(its_whole) and "base" in (*arm.free, *other.free):
                 raise InputError(
                     f"arms {other.name!r} and {arm.name!r} are one robot, whose base cannot be "
                     "moved for one of them; let the object move instead",
                     key=f"{key}.freedom.base",
                 )
         arms.append(arm)
-        robots.append(robot)
+        robots.append(whole)
     return tuple(arms)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
 
@@ -11,14 +12,19 @@ from copose.errors import InputError, nearest
 
 EXAMPLES = "example-robot-data://"
 PACKAGE = "package://"
+WAYS = (
+    'name its folder by packages = { PACKAGE = "FOLDER" } in [[arms]], by ROS_PACKAGE_PATH or by '
+    "AMENT_PREFIX_PATH"
+)
 
 
-def resolve(urdf: str, folder: Path) -> Path:
+def resolve(urdf: str, folder: Path, packages: Mapping[str, Path] | None = None) -> Path:
     """The file that a URDF entry names.
 
     Args:
         urdf: ``example-robot-data://…``, ``package://…``, or a path relative to ``folder``.
         folder: the problem file's.
+        packages: folders of packages by name, looked into first.
 
     Raises:
         InputError: the package or the file is not there; the message says where was looked.
@@ -26,7 +32,7 @@ def resolve(urdf: str, folder: Path) -> Path:
     if urdf.startswith(EXAMPLES):
         return _example(urdf.removeprefix(EXAMPLES))
     if urdf.startswith(PACKAGE):
-        return _package(urdf.removeprefix(PACKAGE))
+        return _package(urdf.removeprefix(PACKAGE), packages or {})
     if "://" in urdf:
         raise InputError(f"{urdf!r}: a file, {PACKAGE}… or {EXAMPLES}… is expected")
     return folder / Path(urdf).expanduser()
@@ -63,17 +69,21 @@ def _example_roots() -> list[Path]:
     return roots
 
 
-def _package(name: str) -> Path:
+def _package(name: str, packages: Mapping[str, Path]) -> Path:
     package, _, rest = name.partition("/")
-    found = [folder for folder in _package_folders(package) if folder.is_dir()]
-    for folder in found:
+    given = [packages[package]] if package in packages else []
+    folders = [*given, *_package_folders(package)]
+    for folder in folders:
         if (folder / rest).is_file():
             return folder / rest
-    if found:
-        raise InputError(f"package {package!r} has no file {rest!r} (looked in {found[0]})")
-    raise InputError(
-        f"package {package!r} was found neither on ROS_PACKAGE_PATH nor on AMENT_PREFIX_PATH"
-    )
+    if any(folder.is_dir() for folder in folders):
+        raise InputError(f"package {package!r} has no file {rest!r}{tried(folders)}")
+    raise InputError(f"package {package!r} was not found{tried(folders)}; {WAYS}")
+
+
+def tried(folders: Iterable[Path]) -> str:
+    """Where was looked, for a message."""
+    return f" (tried {', '.join(dict.fromkeys(map(str, folders))) or 'nothing'})"
 
 
 def _package_folders(package: str) -> list[Path]:

@@ -6,7 +6,15 @@ import numpy as np
 
 from copose.poses import Pose, frozen_array
 from copose.problem import PlanarArm
-from copose.robots.arm import Arm, Body, Joint, check_lengths, freed, start_within_limits
+from copose.robots.arm import (
+    Arm,
+    Body,
+    Doubts,
+    Joint,
+    check_lengths,
+    freed,
+    start_within_limits,
+)
 
 
 def planar_arm(spec: PlanarArm, key: str) -> Arm:
@@ -18,14 +26,15 @@ def planar_arm(spec: PlanarArm, key: str) -> Arm:
     names = tuple(f"joint{i + 1}" for i in range(len(spec.links)))
     check_lengths(spec, names, key)
     tip = Pose.from_rpy((spec.links[-1].length, 0.0, 0.0))
-    joints = []
+    joints, doubts = [], Doubts()
     reach = 0.0
     for i, link in enumerate(spec.links):
         body = _body(link.mass, (link.com, 0.0), link.inertia)
         if spec.tool is not None and i + 1 == len(spec.links):
             tool = _body(spec.tool.mass, spec.tool.com, spec.tool.inertia)
             body = body + tool.placed(tip)
-        lower, upper = spec.position_limits[i] if spec.position_limits else (-np.inf, np.inf)
+        limits = spec.position_limits[i] if spec.position_limits else (-np.inf, np.inf)
+        lower, upper = doubts.positions(names[i], limits)
         joints.append(
             Joint(
                 name=names[i],
@@ -53,6 +62,7 @@ def planar_arm(spec: PlanarArm, key: str) -> Arm:
         start=start_within_limits(spec, chain, key),
         free=freed(spec),
         fixed=spec.fixed,
+        notes=doubts.told(spec.name),
     )
 
 

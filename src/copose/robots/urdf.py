@@ -1,23 +1,24 @@
-"""Arms from URDF files, by way of Pinocchio."""
+"""Arms from URDF files: the chain root → tip, with everything else lumped into its joints."""
 
 from __future__ import annotations
 
-import contextlib
-import os
-import tempfile
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+import json
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
-from typing import Any, Literal
+from typing import TypeAlias
 
 import numpy as np
 
-from copose.errors import InputError, nearest, one_line, shown
-from copose.poses import Array, Pose, frozen_array
+from copose.errors import InputError, nearest, shown, together
+from copose.poses import Pose, frozen_array
 from copose.problem import UrdfArm
 from copose.robots.arm import (
     Arm,
     Body,
+    Doubts,
     Joint,
     LockedJoint,
     check_lengths,
@@ -25,23 +26,22 @@ from copose.robots.arm import (
     start_within_limits,
 )
 from copose.robots.paths import resolve
-from copose.robots.urdf_tree import (
-    MOVABLE,
-    Tree,
-    TreeJoint,
-    joint_frame,
-    link_frame,
-    read_tree,
-)
+from copose.robots.urdf_tree import MOVABLE, Standing, Tree, TreeJoint, read_tree
+
+# What an arm costs grows with the square of this; none is known with half as many.
+_MOST_FREE = 64
+_MASSLESS = Body(0.0, frozen_array(np.zeros(3)), frozen_array(np.zeros((3, 3))))
 
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A URDF, read: its tree of names and Pinocchio's model of all its joints."""
+    """A URDF, read, and the folders of the packages that it may name."""
 
-    file: Path
     tree: Tree
-    model: Any
+    packages: Mapping[str, Path]
+
+
+RobotsRead: TypeAlias = dict[tuple[Path, tuple[tuple[str, Path], ...]], Robot]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +51,13 @@ class RobotOnBase:
     Attributes:
         file: the URDF.
         origin: T_world_universe of the whole robot.
-        moves: its free joints that the arm may move.
-        held: where the locked joints that the tip hangs on are held.
+        moves: the joints that the tip hangs on, from the URDF's root: where a locked one is held,
+            None where the arm moves it.
     """
 
     file: Path
     origin: Pose
-    moves: frozenset[str]
-    held: dict[str, float]
+    hangs_on: Mapping[str, float | None]
 
     def same(self, other: RobotOnBase) -> bool:
         """Whether the two arms are parts of one robot: one URDF at one base."""
@@ -73,33 +72,54 @@ class RobotOnBase:
         """Why the two arms cannot be parts of one robot that move independently."""
         if not self.same(other):
             return None
-        mine, others = self.moves | self.held.keys(), other.moves | other.held.keys()
-        for joint in sorted((self.moves & others) | (other.moves & mine)):
-            return f"both hang on joint {joint!r}; lock it in both, so that they are independent"
-        for joint in sorted(self.held.keys() & other.held.keys()):
-            if self.held[joint] != other.held[joint]:
-                return f"hold joint {joint!r} at different positions; lock it at one"
+        common = {
+            joint: (position, other.hangs_on[joint])
+            for joint, position in self.hangs_on.items()
+            if joint in other.hangs_on
+        }
+        moved = [joint for joint, both in common.items() if None in both]
+        if moved:
+            at = {
+                joint: next((position for position in both if position is not None), 0.0)
+                for joint, both in common.items()
+                if both[0] is None or both[0] != both[1]
+            }
+            locked = ", ".join(f"{_toml_key(joint)} = {position}" for joint, position in at.items())
+            return (
+                f"both hang on {', '.join(moved)}, and so are not independent; lock in both, where "
+                f"you want: locked = {{ {locked} }}"
+            )
+        for joint, (here, there) in common.items():
+            if here != there:
+                return (
+                    f"hold joint {joint!r} at different positions, {here:g} and {there:g}; lock it "
+                    "at one"
+                )
         return None
 
 
-def read_robot(spec: UrdfArm, folder: Path, key: str, read: dict[Path, Robot]) -> Robot:
-    """The robot of a ``urdf = …`` entry, read once per file.
+def read_robot(spec: UrdfArm, folder: Path, key: str, read: RobotsRead) -> Robot:
+    """The robot of a ``urdf = …`` entry, read once per file and folders of packages.
 
     Args:
         spec: the ``[[arms]]`` table.
         folder: the problem file's, where relative paths start.
         key: of the table, for messages.
-        read: robots already read, by file; grows.
+        read: robots already read; grows.
 
     Raises:
         InputError: the file is missing or cannot be used.
     """
     try:
-        file = resolve(spec.urdf, folder).resolve()
-        if file not in read:
-            tree = read_tree(file)
-            read[file] = Robot(file, tree, _full_model(tree))
-        return read[file]
+        packages = {
+            name: (folder / Path(place).expanduser()).resolve()
+            for name, place in spec.packages.items()
+        }
+        file = resolve(spec.urdf, folder, packages).resolve()
+        kind = file, tuple(sorted(packages.items()))
+        if kind not in read:
+            read[kind] = Robot(read_tree(file), packages)
+        return read[kind]
     except InputError as error:
         text = f"{error.file}: {error.message}" if error.file else error.message
         raise InputError(text, key=f"{key}.urdf") from None
@@ -109,16 +129,17 @@ def read_robot(spec: UrdfArm, folder: Path, key: str, read: dict[Path, Robot]) -
         raise InputError(text, key=f"{key}.urdf") from None
 
 
-def urdf_arm(spec: UrdfArm, robot: Robot, key: str) -> tuple[Arm, RobotOnBase]:
+def urdf_arm(spec: UrdfArm, robot: Robot, key: str, *, weighed: bool) -> tuple[Arm, RobotOnBase]:
     """The chain root → tip of a URDF with every other joint locked.
 
     Args:
         spec: the ``[[arms]]`` table.
         robot: what its ``urdf`` names.
         key: of the table, for messages.
+        weighed: whether the inertia of its links is needed.
 
     Raises:
-        InputError: the chain cannot be used; the message names the joint or link.
+        InputError: the chain cannot be used; the message names the joints and links.
     """
     tree = robot.tree
     root = tree.root if spec.root is None else spec.root
@@ -127,85 +148,93 @@ def urdf_arm(spec: UrdfArm, robot: Robot, key: str) -> tuple[Arm, RobotOnBase]:
     except InputError as error:
         raise InputError(error.message, key=f"{key}.{error.key}") from None
     _check_locked(spec, tree, key)
-    free = [j for j in chain if j.kind != "fixed" and j.name not in spec.locked]
-    _check_kinds(free, key)
+    free = [j for j in chain if j.kind != "fixed" and not _is_held(j, spec)]
     names = tuple(joint.name for joint in free)
     if not names:
         raise InputError(f"no free joint between {root!r} and {spec.tip!r}", key=key)
+    if len(names) > _MOST_FREE:
+        raise InputError(
+            f"has {len(names)} free joints; at most {_MOST_FREE} can be used, lock the others",
+            key=f"{key}.locked",
+        )
     check_lengths(spec, names, key)
 
-    model = _reduced(robot.model, frozenset(names), spec.locked)
-    T_universe_root = _frame(model, root)
+    standing = tree.standing(spec.locked, names)
+    placed = tree.placed(standing.at, names)
+    carried = [joint for joint in tree.order if placed[joint.child][0] is not None]
+    # What is neither on the chain nor carried by it matters to no number.
+    needed = list(dict.fromkeys((*chain, *carried)))
+    doubts = Doubts()
+    ranges = [_limits(joint, i, spec, doubts) for i, joint in enumerate(free)]
+    faults = [*_joint_faults(needed, names, standing), *(fault for *_, fault in ranges)]
+    weightless = _weightless(tree, carried, free, spec)
+    faults += weightless if weighed else []
+    if any(faults):
+        raise tree.fault(together(fault for fault in faults if fault), key)
+
+    T_universe_root, tip = placed[root][1], placed[spec.tip][1]
+    joints = []
+    for i, (joint, (lower, upper, _)) in enumerate(zip(free, ranges, strict=True)):
+        place = placed[joint.parent][1] @ joint.origin
+        body = _body(tree, placed, joint)
+        if spec.tool is not None and i + 1 == len(free):
+            tool = Body(
+                spec.tool.mass, frozen_array(spec.tool.com), frozen_array(spec.tool.inertia)
+            )
+            body = body + tool.placed(tip)
+        joints.append(
+            Joint(
+                name=joint.name,
+                kind="prismatic" if joint.kind == "prismatic" else "revolute",
+                axis=joint.axis,
+                placement=place if i > 0 else T_universe_root.inverse() @ place,
+                body=body,
+                lower=lower,
+                upper=upper,
+                velocity=_positive(joint, "velocity", i, spec.velocity_limits, doubts),
+                acceleration=spec.acceleration_limits[i] if spec.acceleration_limits else np.inf,
+                effort=_positive(joint, "effort", i, spec.torque_limits, doubts),
+                armature=spec.armature[i] if spec.armature else 0.0,
+            )
+        )
     base = spec.base.pose
-    joints = tuple(_joint(model, i, joint, spec, key) for i, joint in enumerate(free))
-    first = joints[0]
-    joints = (replace(first, placement=T_universe_root.inverse() @ first.placement), *joints[1:])
-    tip = _frame(model, spec.tip)
-    if spec.tool is not None:
-        tool = Body(
-            spec.tool.mass, frozen_array(spec.tool.com), frozen_array(spec.tool.inertia)
-        ).placed(tip)
-        last = joints[-1]
-        body = last.body + tool if last.body.mass > 0 else tool
-        joints = (*joints[:-1], replace(last, body=body))
-    _check_inertials(joints, free, tree, key)
+    passed_over = (
+        f"{tree.file.name}: what xacro left in it is passed over: {', '.join(tree.foreign)}"
+    )
     arm = Arm(
         name=spec.name,
-        model=robot.file.name,
-        joints=joints,
+        model=tree.file.name,
+        joints=tuple(joints),
         base=base,
         tip=tip,
         grasp=spec.grasp.pose,
-        start=start_within_limits(spec, joints, key),
-        locked=_locked(tree, robot.model, chain, set(names), spec.locked),
+        start=start_within_limits(spec, tuple(joints), key),
+        locked=tuple(
+            _locked(joint, standing.at[joint.name])
+            for joint in needed
+            if joint.kind in MOVABLE and joint.name not in names
+        ),
         geared=spec.armature is not None,
         free=freed(spec),
         fixed=spec.fixed,
+        weightless=tuple(weightless),
+        notes=(*doubts.told(spec.name), *([passed_over] if tree.foreign else [])),
     )
     whole = RobotOnBase(
-        file=robot.file,
+        file=tree.file,
         origin=base @ T_universe_root.inverse(),
-        moves=frozenset(names),
-        held={
-            j.name: spec.locked.get(j.name, 0.0)
-            for j in tree.ancestors(spec.tip)
-            if j.kind in MOVABLE and j.name not in names
+        hangs_on={
+            joint.name: None if joint.name in names else standing.at[joint.name]
+            for joint in reversed(tree.ancestors(spec.tip))
+            if joint.kind in MOVABLE
         },
     )
     return arm, whole
 
 
-def _full_model(tree: Tree) -> Any:
-    import pinocchio
-
-    model, refused = None, ""
-    with _native_stderr() as lines:
-        try:
-            model = pinocchio.buildModelFromXML(tree.xml)
-        except (ValueError, RuntimeError) as error:
-            refused = str(error)
-    # The reader leaves out what it cannot parse, an inertial say, and goes on: wrong numbers.
-    said = [line for line in lines if line.strip() and (model is None or "Error" in line)]
-    if model is None or said:
-        why = (said[0] if said else refused).replace("link:", "").replace("joint:", "")
-        raise InputError(f"{tree.file.name} cannot be read as URDF: {one_line(why.strip())}")
-    return model
-
-
-@contextlib.contextmanager
-def _native_stderr() -> Iterator[list[str]]:
-    """Collect what the C++ URDF reader writes to file descriptor 2 past Python's sys.stderr."""
-    lines: list[str] = []
-    with tempfile.TemporaryFile() as sink:
-        kept = os.dup(2)
-        os.dup2(sink.fileno(), 2)
-        try:
-            yield lines
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-            sink.seek(0)
-            lines += sink.read().decode(errors="replace").splitlines()
+def _is_held(joint: TreeJoint, spec: UrdfArm) -> bool:
+    """Whether a joint of the chain stands still, or must, because it follows another."""
+    return joint.name in spec.locked or (joint.kind in MOVABLE and joint.mimic is not None)
 
 
 def _check_locked(spec: UrdfArm, tree: Tree, key: str) -> None:
@@ -217,141 +246,85 @@ def _check_locked(spec: UrdfArm, tree: Tree, key: str) -> None:
             )
 
 
-def _check_kinds(free: list[TreeJoint], key: str) -> None:
-    for joint in free:
-        if joint.kind not in MOVABLE:
-            raise InputError(
+def _joint_faults(
+    needed: Sequence[TreeJoint], free: Collection[str], standing: Standing
+) -> Iterator[str]:
+    """What keeps the joints that an arm needs from being placed."""
+    for joint in needed:
+        if joint.name in free and joint.kind not in MOVABLE:
+            yield (
                 f"joint {joint.name!r} on the chain is {joint.kind or 'untyped'}; revolute, "
-                "continuous and prismatic joints can be used",
-                key=key,
+                "continuous and prismatic joints can be used"
             )
-        if joint.mimics is not None:
-            raise InputError(
-                f"joint {joint.name!r} on the chain mimics {joint.mimics!r}; choose another tip "
-                "or lock it",
-                key=key,
-            )
-
-
-def _reduced(full: Any, free: frozenset[str], locked: dict[str, float]) -> Any:
-    """Pinocchio's model with everything but the free joints locked and lumped."""
-    import pinocchio
-
-    held = [i for i in range(1, full.njoints) if _joint_name(full, i) not in free]
-    return pinocchio.buildReducedModel(full, held, posture(full, locked))
-
-
-def posture(full: Any, locked: dict[str, float]) -> Array:
-    """Pinocchio's position vector: locked joints at their values, every other joint at 0."""
-    import pinocchio
-
-    position: Array = pinocchio.neutral(full)
-    for index in range(1, full.njoints):
-        joint = full.joints[index]
-        if joint.nv != 1:
-            continue
-        value = locked.get(_joint_name(full, index), 0.0)
-        continuous = joint.nq == 2
-        position[joint.idx_q : joint.idx_q + joint.nq] = (
-            (np.cos(value), np.sin(value)) if continuous else value
+        yield joint.faults.get("origin", "")
+        if joint.name in free or standing.at.get(joint.name):
+            yield joint.faults.get("axis", "")
+        yield standing.faults.get(joint.name, "")
+    for follower, leader in standing.moved.items():
+        yield (
+            f"joint {follower!r} mimics {leader!r}, which is free; lock one of them, or choose "
+            "another tip"
         )
-    return position
 
 
-def _joint_name(full: Any, index: int) -> str:
-    name: str = full.names[index]
-    return name.removeprefix(joint_frame(""))
+def _weightless(
+    tree: Tree, carried: Sequence[TreeJoint], free: Sequence[TreeJoint], spec: UrdfArm
+) -> list[str]:
+    """Why the inertia of what an arm moves is not known."""
+    links = [tree.links[joint.child] for joint in carried]
+    faults = [link.fault for link in links if link.fault]
+    bodies = [link.body for link in links if link.body is not None]
+    if not faults and spec.tool is None and not any(body.mass > 0 for body in bodies):
+        named = ", ".join(joint.child for joint in free)
+        faults.append(f"{tree.file.name} has no inertials: none of {named} has a mass")
+    return faults
 
 
-def _locked(
-    tree: Tree, model: Any, chain: list[TreeJoint], free: set[str], given: dict[str, float]
-) -> tuple[LockedJoint, ...]:
-    """The locked joints that matter to an arm: on its chain, or on what its free joints carry."""
-    held = []
-    for name, tree_joint in tree.movable.items():
-        carried = any(above.name in free for above in tree.ancestors(tree_joint.child))
-        if name not in free and (carried or tree_joint in chain):
-            joint = model.joints[model.getJointId(joint_frame(name))]
-            limits = -np.inf, np.inf
-            if tree_joint.kind != "continuous":
-                limits = (
-                    float(model.lowerPositionLimit[joint.idx_q]),
-                    float(model.upperPositionLimit[joint.idx_q]),
-                )
-            held.append(LockedJoint(name, given.get(name, 0.0), *limits))
-    return tuple(held)
+def _body(tree: Tree, placed: Mapping[str, tuple[str | None, Pose]], joint: TreeJoint) -> Body:
+    """Everything that a free joint carries and no joint behind it, in its frame."""
+    bodies = [
+        body.placed(pose)
+        for link, (carrier, pose) in placed.items()
+        if carrier == joint.name and (body := tree.links[link].body) is not None
+    ]
+    return reduce(Body.__add__, bodies) if bodies else _MASSLESS
 
 
-def _frame(model: Any, link: str) -> Pose:
-    import pinocchio
-
-    return pose_of(
-        model.frames[model.getFrameId(link_frame(link), pinocchio.FrameType.BODY)].placement
-    )
-
-
-def pose_of(placement: Any) -> Pose:
-    """Pinocchio's SE3 as a pose."""
-    import pinocchio
-
-    x, y, z, w = pinocchio.Quaternion(placement.rotation).normalized().coeffs()
-    return Pose.make(placement.translation, placement.rotation, [w, x, y, z])
+def _locked(joint: TreeJoint, position: float) -> LockedJoint:
+    limits = joint.lower, joint.upper
+    if joint.kind == "continuous" or "limit" in joint.faults:
+        limits = -np.inf, np.inf
+    return LockedJoint(joint.name, position, *limits)
 
 
-def _joint(model: Any, index: int, tree_joint: TreeJoint, spec: UrdfArm, key: str) -> Joint:
-    number = model.getJointId(joint_frame(tree_joint.name))
-    joint, inertia = model.joints[number], model.inertias[number]
-    lower, upper = _limits(model, joint, index, tree_joint, spec, key)
-    effort = float(model.upperEffortLimit[joint.idx_v]) if tree_joint.has_effort else np.inf
-    speed = float(model.upperVelocityLimit[joint.idx_v]) if tree_joint.has_velocity else np.inf
-    axis, kind = _axis(joint)
-    return Joint(
-        name=tree_joint.name,
-        kind=kind,
-        axis=axis,
-        placement=pose_of(model.jointPlacements[number]),
-        body=Body(float(inertia.mass), frozen_array(inertia.lever), frozen_array(inertia.inertia)),
-        lower=lower,
-        upper=upper,
-        velocity=spec.velocity_limits[index] if spec.velocity_limits else speed,
-        acceleration=spec.acceleration_limits[index] if spec.acceleration_limits else np.inf,
-        effort=spec.torque_limits[index] if spec.torque_limits else effort,
-        armature=spec.armature[index] if spec.armature else 0.0,
-    )
+def _positive(
+    joint: TreeJoint, what: str, i: int, given: Sequence[float] | None, doubts: Doubts
+) -> float:
+    """The limit of effort or velocity of a free joint, inf where it has none."""
+    if given is not None:
+        return given[i]
+    return doubts.positive(what, joint.name, getattr(joint, what), joint.faults.get(what, ""))
 
 
-def _limits(
-    model: Any, joint: Any, index: int, tree_joint: TreeJoint, spec: UrdfArm, key: str
-) -> tuple[float, float]:
-    if spec.position_limits:
-        return spec.position_limits[index]
-    if tree_joint.kind == "continuous":
-        return -np.inf, np.inf
-    lower = float(model.lowerPositionLimit[joint.idx_q])
-    upper = float(model.upperPositionLimit[joint.idx_q])
-    if not lower < upper:
-        raise InputError(
-            f"{tree_joint.name!r} has no range in the URDF ({lower:g} … {upper:g}); give "
-            "position_limits, or lock it",
-            key=key,
-        )
-    return lower, upper
+def _limits(joint: TreeJoint, i: int, spec: UrdfArm, doubts: Doubts) -> tuple[float, float, str]:
+    """Lower and upper limit of a free joint, and why they cannot be used, if they cannot."""
+    if spec.position_limits is not None:
+        given = spec.position_limits[i]
+    elif joint.kind == "continuous":
+        return -np.inf, np.inf, ""
+    elif "limit" in joint.faults:
+        return 0.0, 0.0, joint.faults["limit"] + "; correct it, or give position_limits"
+    elif not joint.lower < joint.upper:
+        span = f"{joint.lower:g} … {joint.upper:g}"
+        fault = f"joint {joint.name!r} has no range in the URDF ({span}); give position_limits"
+        return 0.0, 0.0, f"{fault}, or lock it"
+    else:
+        given = joint.lower, joint.upper
+    lower, upper = doubts.positions(joint.name, given)
+    unlimited = joint.kind == "prismatic" and not np.isfinite([lower, upper]).all()
+    fault = f"prismatic joint {joint.name!r} needs position_limits below 1e6" if unlimited else ""
+    return lower, upper, fault
 
 
-def _axis(joint: Any) -> tuple[Array, Literal["revolute", "prismatic"]]:
-    data = joint.createData()
-    joint.calc(data, np.array([1.0, 0.0]) if joint.nq == 2 else np.zeros(1))
-    subspace = np.asarray(data.S).reshape(6)
-    if np.any(subspace[3:]):
-        return frozen_array(subspace[3:]), "revolute"
-    return frozen_array(subspace[:3]), "prismatic"
-
-
-def _check_inertials(
-    joints: tuple[Joint, ...], free: list[TreeJoint], tree: Tree, key: str
-) -> None:
-    if not any(joint.body.mass > 0 for joint in joints):
-        links = [joint.child for joint in free]
-        raise InputError(
-            f"{tree.file.name} has no inertials: none of {', '.join(links)} has a mass", key=key
-        )
+def _toml_key(name: str) -> str:
+    return name if re.fullmatch(r"[\w-]+", name, re.ASCII) else json.dumps(name, ensure_ascii=False)
