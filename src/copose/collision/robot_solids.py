@@ -160,10 +160,11 @@ def robot_solids(problem: Problem, arms: Sequence[Arm]) -> RobotSolids:
 
 
 def _without_shape(team: _Team, member: _Member) -> InputError:
-    why = f" ({'; '.join(team.shapes.notes)})" if team.shapes.notes else ""
+    told = team.shapes.missing or team.shapes.notes
+    why = f": {'; '.join(told)}" if told else ""
     return InputError(
         f"{team.tree.file.name} has no shape that can be read for any link that the arm "
-        f"moves{why}; collision needs <collision> or <visual> elements and their meshes",
+        f"moves; collision needs <collision> or <visual> elements and their meshes{why}",
         key=f"{arm_key(member.number, member.arm.name)}.urdf",
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from copose.collision.solids import Mesh, Part, Primitive, Shape
 from copose.errors import InputError, shown
-from copose.robots.paths import PACKAGE, resolve
+from copose.robots.paths import PACKAGE, MissingPackageError, resolve
 from copose.robots.urdf import Robot
 from copose.robots.urdf_tree import numbers, placement
 
@@ -36,10 +36,12 @@ class LinkShapes:
     Attributes:
         parts: of the links that have any, placed in the link's frame.
         notes: which could not be read, and what stands in for them.
+        missing: on packages that were not found, where was looked; among the notes too.
     """
 
     parts: dict[str, tuple[Part, ...]]
     notes: tuple[str, ...]
+    missing: tuple[str, ...]
 
     @classmethod
     def of(cls, robot: Robot) -> LinkShapes:
@@ -70,12 +72,14 @@ class LinkShapes:
                     parts[name], outcome = instead, _VISUAL
             if why:
                 faults[outcome].append(f"{name} ({why})")
+        missing = tuple(sorted(reader.missing))
+        notes += missing
         for outcome, found in faults.items():
             if found:
                 more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
                 named = ", ".join(found[:_NAMED])
                 notes.append(f"{tree.file.name}: links {outcome}: {named}{more}")
-        return cls({name: some for name, some in parts.items() if some}, tuple(notes))
+        return cls({name: some for name, some in parts.items() if some}, tuple(notes), missing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +89,7 @@ class _Reader:
     file: Path
     packages: Mapping[str, Path]
     meshes: dict[tuple[Path, tuple[float, ...]], Mesh] = field(default_factory=dict)
+    missing: set[str] = field(default_factory=set)
 
     def read(self, link: ET.Element, tag: str) -> tuple[tuple[Part, ...], str]:
         """The readable elements of a link, and why the first that is not cannot be read."""
@@ -120,7 +125,11 @@ class _Reader:
         raise _UnreadableError(f"unknown geometry {shown(element.tag)}")
 
     def _mesh(self, name: str, scale: tuple[float, ...]) -> Mesh:
-        file = mesh_file(name, self.file, self.packages)
+        file = None
+        try:
+            file = mesh_file(name, self.file, self.packages)
+        except MissingPackageError as error:
+            self.missing.add(error.message)
         if file is None:
             raise _UnreadableError(f"mesh {shown(name)} was not found")
         if (file, scale) not in self.meshes:
@@ -133,28 +142,21 @@ def mesh_file(name: str, urdf: Path, packages: Mapping[str, Path]) -> Path | Non
 
     Args:
         name: ``package://…``, ``model://…``, ``file://…``, or a path relative to the URDF.
-        urdf: its file; a package that it lies in is found without ROS.
+        urdf: its file; a package that it lies in, or beside, is found without ROS.
         packages: folders of packages by name, looked into first.
+
+    Raises:
+        MissingPackageError: no folder was found for the package; the message says where was looked.
     """
-    scheme, found, rest = name.partition("://")
+    rest = name.removeprefix("model://")
+    name = PACKAGE + rest if rest != name else name.removeprefix(_FILE)
     try:
-        if found and scheme in ("package", "model"):
-            package, _, within = rest.partition("/")
-            if package in packages and (packages[package] / within).is_file():
-                return packages[package] / within
-            for folder in urdf.parents:
-                path = folder.parent / rest
-                if folder.name == package and path.is_file():
-                    return path
-            # Packages that lie beside the URDF's own, as in a folder of descriptions.
-            for folder in urdf.parents:
-                if (folder / rest).is_file():
-                    return folder / rest
-            name = PACKAGE + rest
-        path = resolve(name.removeprefix(_FILE), urdf.parent)
+        path = resolve(name, urdf.parent, packages, urdf.parents)
         return path if path.is_file() else None
-    except (InputError, OSError, ValueError, RuntimeError, IndexError):
-        # What pathlib makes of empty names, unknown users, zero bytes and endless names.
+    except MissingPackageError:
+        raise
+    except (InputError, OSError, ValueError, RuntimeError):
+        # What pathlib makes of unknown users, zero bytes and endless names.
         return None
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from copose.errors import InputError, arm_key
 from copose.mechanics.chain import Chain, Frame, constant, multiply_quaternions
 from copose.mechanics.dynamics import gravity_torques, inverse_dynamics, mass_matrix
 from copose.mechanics.held_object import HeldObject
@@ -173,6 +172,27 @@ class ArmMechanics:
         rate = ca.SX.sym("rate", self.arm.n)
         return ca.substitute(ca.jtimes(self.J @ rate, self.q, rate), rate, speed)
 
+    def mass_fault(self) -> str:
+        """Why M cannot be used, with the joint at fault; empty where it can."""
+        arm = self.arm
+        mass_at = ca.Function("M", [self.q], [self.M])
+        rng = np.random.default_rng(0)
+        low, high = finite_range(arm.lower, arm.upper)
+        for _ in range(8):
+            M = np.array(mass_at(rng.uniform(low, high)))
+            if not np.all(np.isfinite(M)):
+                return "has masses or inertias that are not finite"
+            values, vectors = np.linalg.eigh(M)
+            if values[0] <= 1e-12 * abs(values[-1]):
+                worst = arm.joints[int(np.argmax(np.abs(vectors[:, 0])))]
+                why = "its link has no inertials" if worst.body.mass == 0 else "see its inertials"
+                return (
+                    f"the mass matrix is not positive definite to working precision (eigenvalues "
+                    f"{values[0]:.1e} … {values[-1]:.1e}): joint {worst.name!r} moves next to no "
+                    f"inertia; {why}, or give armature"
+                )
+        return ""
+
     @property
     def skeleton(self) -> ca.SX:
         """Points to draw the arm by: root, joint origins, tip; (3, n + 2), world."""
@@ -209,11 +229,7 @@ class System:
         load_distribution: str = "moore-penrose",
         gravity: Array | None = None,
     ) -> System:
-        """The system of these arms in a task space, see `HeldObject.held_at`.
-
-        Raises:
-            InputError: an arm's mass matrix is not positive definite; the joint is named.
-        """
+        """The system of these arms in a task space, see `HeldObject.held_at`."""
         places: dict[str, list[ca.SX]] = {"base": [], "grasp": []}
 
         def frame(arm: Arm, what: str) -> Frame:
@@ -224,8 +240,6 @@ class System:
             return moved
 
         expressions = tuple(ArmMechanics.of(arm, space, frame(arm, "base")) for arm in arms)
-        for i, expression in enumerate(expressions):
-            _check_mass_matrix(expression, arm_key(i, arms[i].name))
         grasps = tuple(frame(arm, "grasp") for arm in arms)
         held = HeldObject.held_at(space, grasps, load_distribution)
         fall = np.zeros(3) if gravity is None else gravity
@@ -277,24 +291,3 @@ class System:
     def closure(self, i: int) -> ca.SX:
         """`ArmMechanics.closure` of arm i at its grasp."""
         return self.arms[i].closure(self.goal(i))
-
-
-def _check_mass_matrix(mechanics: ArmMechanics, key: str) -> None:
-    arm = mechanics.arm
-    mass_at = ca.Function("M", [mechanics.q], [mechanics.M])
-    rng = np.random.default_rng(0)
-    low, high = finite_range(arm.lower, arm.upper)
-    for _ in range(8):
-        M = np.array(mass_at(rng.uniform(low, high)))
-        if not np.all(np.isfinite(M)):
-            raise InputError("has masses or inertias that are not finite", key=key)
-        values, vectors = np.linalg.eigh(M)
-        if values[0] <= 1e-12 * abs(values[-1]):
-            worst = arm.joints[int(np.argmax(np.abs(vectors[:, 0])))]
-            why = "its link has no inertials" if worst.body.mass == 0 else "see its inertials"
-            raise InputError(
-                f"the mass matrix is not positive definite to working precision (eigenvalues "
-                f"{values[0]:.1e} … {values[-1]:.1e}): joint {worst.name!r} moves next to no "
-                f"inertia; {why}, or give armature",
-                key=key,
-            )

@@ -102,7 +102,7 @@ class Answer:
                     else self._by_arm(names, driven.torques, k),
                 )
             )
-        if driven.torques is None:
+        if driven.torques is None and not self.machinery.cell.weightless:
             notes.append("no contact wrenches carry the object as it moves: there are no torques")
         step = duration / (len(course) - 1)
         rates = np.diff(np.hstack(q), axis=0) / step

@@ -30,7 +30,7 @@ class Driven:
     Attributes:
         velocities: rad/s or m/s, with J q̇ the contact's velocity.
         accelerations: alike, with J q̈ + J̇ q̇ the contact's acceleration.
-        torques: N·m or N; None where no contact wrenches carry the object.
+        torques: N·m or N; None where no contact wrenches carry the object, or inertia is not known.
         shares: |τ|/T of torques whose largest is smallest, (n, N); None where that is not asked.
     """
 
@@ -107,7 +107,7 @@ class Drive:
             jacobians.append(J)
             biases.append((M @ accelerations[-1][:, :, None])[:, :, 0] + bias)
         asked = Carrying(course, self.torques.loads(course, duration), jacobians, biases)
-        found = self.torques.least(asked)
+        found = None if self._cell.weightless else self.torques.least(asked)
         if found is None:
             return Driven(tuple(velocities), tuple(accelerations), None, None)
         torques, _ = found

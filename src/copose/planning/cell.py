@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from copose.capability import RESOLUTIONS, Resolution
-from copose.errors import InputError, arm_key, nearest
+from copose.errors import InputError, arm_key, nearest, together
 from copose.mechanics import System, object_parameters
 from copose.poses import Array, Mask
 from copose.problem import ConstraintsSpec, Problem, case_problems, moved
@@ -30,6 +30,8 @@ class Cell:
         upper: alike.
         resolution: whose ellipsoid is asked for.
         scales: by arm, the torques T that the ball is measured in.
+        weightless: by the name of an arm, why its inertia is not known; nothing that depends on
+            it is told then.
     """
 
     problem: Problem
@@ -40,6 +42,7 @@ class Cell:
     upper: tuple[Array, ...]
     resolution: Resolution
     scales: tuple[Array, ...]
+    weightless: Mapping[str, str]
 
     @classmethod
     def of(cls, problem: Problem) -> Cell:
@@ -54,6 +57,7 @@ class Cell:
             system = System.of(problem.space, arms, problem.ellipsoid.load_distribution, fall)
             scales = _torque_scales(problem, arms)
             _check_limits(problem, arms)
+            weightless = _weightless(problem, system)
         except InputError as error:
             raise InputError(error.message, key=error.key, file=problem.source) from None
         margin = problem.constraints.joint_margin
@@ -66,6 +70,7 @@ class Cell:
             upper=tuple(_kept(arm, arm.upper - margin) for arm in arms),
             resolution=RESOLUTIONS[problem.ellipsoid.resolution],
             scales=scales,
+            weightless=weightless,
         )
 
     @property
@@ -83,7 +88,9 @@ class Cell:
 
     @cached_property
     def torque_limits(self) -> tuple[Array, ...] | None:
-        """The torque limits by arm, (n_i,); None where a joint has none."""
+        """The torque limits by arm, (n_i,); None where a joint has none, or an arm no inertia."""
+        if self.weightless:
+            return None
         try:
             return _torque_limits(self.arms, "")
         except InputError:
@@ -269,6 +276,23 @@ def _torque_limits(arms: Sequence[Arm], what: str) -> tuple[Array, ...]:
                 key=f"{arm_key(i, arm.name)}.torque_limits",
             )
     return tuple(np.array([joint.effort for joint in arm.joints]) for arm in arms)
+
+
+def _weightless(problem: Problem, system: System) -> dict[str, str]:
+    """Why the inertia of an arm is not known, by name.
+
+    Raises:
+        InputError: it is needed.
+    """
+    faults = {}
+    for i, mechanics in enumerate(system.arms):
+        arm = mechanics.arm
+        fault = together(arm.weightless) if arm.weightless else mechanics.mass_fault()
+        if fault and not problem.kinematic:
+            raise InputError(fault, key=arm_key(i, arm.name))
+        if fault:
+            faults[arm.name] = fault
+    return faults
 
 
 def _check_limits(problem: Problem, arms: Sequence[Arm]) -> None:

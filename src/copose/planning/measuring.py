@@ -161,14 +161,16 @@ class Meter:
                 notes.append(
                     f"volume 0: the Jacobian of arm {arm.name!r} has rank {rank} of {m} here"
                 )
-            single = ellipsoid_of(own) if rank == m else None
+            known = rank == m and arm.name not in cell.weightless
+            single = ellipsoid_of(own) if known else None
             records[arm.name] = ArmRecord(
                 skeleton=matrix(skeleton.T),
                 grasp=vector((pose @ arm.grasp).position),
                 ellipsoid=EllipsoidRecord.of(single),
             )
         ellipsoids: dict[str, Ellipsoid | None] = dict.fromkeys(RESOLUTIONS)
-        if not notes:
+        closed = not notes
+        if closed and not cell.weightless:
             whole = self._ellipsoids(cell, joints)
             if any(each is None for each in whole.values()):
                 notes.append(
@@ -207,12 +209,12 @@ class Meter:
             **allowed.keys,
         )
         value = allowed.value
-        if isinstance(self.objective, EllipsoidMeasure) and ellipsoid is not None:
+        if isinstance(self.objective, EllipsoidMeasure) and closed:
             measured = ellipsoid
             if self._form is not None:
                 (factor,) = self._form(np.concatenate(joints), cell.parameters)
-                measured = sliced(cell, ellipsoid_of(factor)) or measured
-            value = self.objective.of(measured)
+                measured = sliced(cell, ellipsoid_of(factor))
+            value = None if measured is None else self.objective.of(measured)
         return Measurement(posture, ellipsoid, value, tuple(notes))
 
     def _allowed(self, cell: Cell, joints: Sequence[Array], everything: bool) -> Allowances:
@@ -225,7 +227,9 @@ class Meter:
         if self._allowance is None:
             found = Allowances(
                 keys=dict.fromkeys(("payload", "static_torque", "residual_radius", "wrenches")),
-                notes=["what torque limits allow is unknown: not every joint has one"],
+                notes=[]
+                if cell.weightless
+                else ["what torque limits allow is unknown: not every joint has one"],
             )
         else:
             found = self._allowance.all(cell, joints)

@@ -88,7 +88,11 @@ def _unit_notes(cell: Cell) -> list[str]:
 def _model_notes(cell: Cell) -> list[str]:
     """What the robots' files leave out or may have wrong."""
     notes = [note for arm in cell.arms for note in arm.notes]
-    ungeared = [arm.name for arm in cell.arms if not arm.geared]
+    notes += [
+        f"no dynamic ellipsoid, and nothing of torques, is known: arm {name!r}: {why}"
+        for name, why in cell.weightless.items()
+    ]
+    ungeared = [arm.name for arm in cell.arms if not arm.geared and arm.name not in cell.weightless]
     if ungeared:
         notes.append(f"gears are ignored: no armature is given for {', '.join(ungeared)}")
     for arm in cell.arms:

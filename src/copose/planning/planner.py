@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from typing import get_args
 
 import numpy as np
@@ -111,7 +112,7 @@ class Planner:
         Raises:
             InputError: an argument is not what it should be.
         """
-        if seed is not None and not (isinstance(seed, int) and 0 <= seed < 2**63):
+        if seed is not None and not (isinstance(seed, Integral) and 0 <= seed < 2**63):
             raise InputError(f"{seed!r} is no whole number from 0 to 2⁶³ − 1", key="seed")
         if effort not in get_args(EffortName):
             raise InputError(f"{effort!r} is not low, normal or high", key="effort")
@@ -122,7 +123,7 @@ class Planner:
         run = Run(
             machinery=machinery,
             setting=setting,
-            seed=self.problem.search.seed if seed is None else seed,
+            seed=self.problem.search.seed if seed is None else int(seed),
             build_s=self.build_s,
             began=began,
             progress=progress if progress is not None else _silent,

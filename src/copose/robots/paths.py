@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 
@@ -12,19 +12,24 @@ from copose.errors import InputError, nearest
 
 EXAMPLES = "example-robot-data://"
 PACKAGE = "package://"
-WAYS = (
-    'name its folder by packages = { PACKAGE = "FOLDER" } in [[arms]], by ROS_PACKAGE_PATH or by '
-    "AMENT_PREFIX_PATH"
-)
+# Folders that a message names one by one.
+_NAMED = 5
 
 
-def resolve(urdf: str, folder: Path, packages: Mapping[str, Path] | None = None) -> Path:
+class MissingPackageError(InputError):
+    """A package that no folder was found for."""
+
+
+def resolve(
+    urdf: str, folder: Path, packages: Mapping[str, Path], near: Sequence[Path] = ()
+) -> Path:
     """The file that a URDF entry names.
 
     Args:
         urdf: ``example-robot-data://…``, ``package://…``, or a path relative to ``folder``.
         folder: the problem file's.
         packages: folders of packages by name, looked into first.
+        near: folders that may be the package, or hold it beside others, looked into next.
 
     Raises:
         InputError: the package or the file is not there; the message says where was looked.
@@ -32,7 +37,7 @@ def resolve(urdf: str, folder: Path, packages: Mapping[str, Path] | None = None)
     if urdf.startswith(EXAMPLES):
         return _example(urdf.removeprefix(EXAMPLES))
     if urdf.startswith(PACKAGE):
-        return _package(urdf.removeprefix(PACKAGE), packages or {})
+        return _package(urdf.removeprefix(PACKAGE), packages, near)
     if "://" in urdf:
         raise InputError(f"{urdf!r}: a file, {PACKAGE}… or {EXAMPLES}… is expected")
     return folder / Path(urdf).expanduser()
@@ -69,21 +74,29 @@ def _example_roots() -> list[Path]:
     return roots
 
 
-def _package(name: str, packages: Mapping[str, Path]) -> Path:
+def _package(name: str, packages: Mapping[str, Path], near: Sequence[Path]) -> Path:
     package, _, rest = name.partition("/")
-    given = [packages[package]] if package in packages else []
-    folders = [*given, *_package_folders(package)]
+    folders = [packages[package]] if package in packages else []
+    folders += [folder for folder in near if folder.name == package]
+    folders += [folder / package for folder in near]
+    folders += _package_folders(package)
     for folder in folders:
         if (folder / rest).is_file():
             return folder / rest
-    if any(folder.is_dir() for folder in folders):
-        raise InputError(f"package {package!r} has no file {rest!r}{tried(folders)}")
-    raise InputError(f"package {package!r} was not found{tried(folders)}; {WAYS}")
+    there = [folder for folder in folders if folder.is_dir()]
+    if there:
+        raise InputError(f"package {package!r} has no file {rest!r} (looked in {_listed(there)})")
+    raise MissingPackageError(
+        f"package {package!r} was not found; name its folder by packages = {{ {package} = "
+        f'"FOLDER" }} in [[arms]], by ROS_PACKAGE_PATH or by AMENT_PREFIX_PATH (tried '
+        f"{_listed(folders) or 'neither, for they are not set'})"
+    )
 
 
-def tried(folders: Iterable[Path]) -> str:
-    """Where was looked, for a message."""
-    return f" (tried {', '.join(dict.fromkeys(map(str, folders))) or 'nothing'})"
+def _listed(folders: Sequence[Path]) -> str:
+    named = list(dict.fromkeys(map(str, folders)))
+    more = f" and {len(named) - _NAMED} more" if len(named) > _NAMED else ""
+    return ", ".join(named[:_NAMED]) + more
 
 
 def _package_folders(package: str) -> list[Path]:

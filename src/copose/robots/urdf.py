@@ -28,8 +28,8 @@ from copose.robots.arm import (
 from copose.robots.paths import resolve
 from copose.robots.urdf_tree import MOVABLE, Standing, Tree, TreeJoint, read_tree
 
-# What an arm costs grows with the square of this; none is known with half as many.
-_MOST_FREE = 64
+# As many as a planar arm may have links; what an arm costs grows with the square of it.
+_MOST_FREE = 32
 _MASSLESS = Body(0.0, frozen_array(np.zeros(3)), frozen_array(np.zeros((3, 3))))
 
 

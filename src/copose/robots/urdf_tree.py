@@ -191,6 +191,7 @@ class Tree:
                 if name in trail:
                     ring = trail[trail.index(name) :]
                     text = f"joints {', '.join(map(repr, ring))} mimic each other"
+                    text = f"joint {name!r} mimics itself" if len(ring) == 1 else text
                     faults |= dict.fromkeys(ring, text)
                     at |= dict.fromkeys(ring, 0.0)
                     break
