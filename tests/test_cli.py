@@ -249,7 +249,7 @@ WRONG = [
     (["solve", "p.toml", "--figure", "d.png"], "d.png: is a folder"),
     (["solve", "p.toml", "--figure", "f" * 300 + ".png"], "cannot be written: File name too long"),
     (["solve", "p.toml", "-o", "full"], "result.json: is a folder"),
-    (["evaluate", "p.toml"], "arms[0].start: missing"),
+    (["evaluate", "p.toml"], "arms[0] (a1).start: missing"),
     (["evaluate", "p.toml", "--joints", "nope.json"], "nope.json: no such file"),
     (["evaluate", "p.toml", "--joints", "p.toml"], "is no copose result"),
     (["evaluate", "p.toml", "--joints", "miss.json"], "miss.json: after: has no posture"),

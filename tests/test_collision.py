@@ -733,7 +733,9 @@ def test_missing_meshes_are_named_and_visuals_stand_in(tmp_path: Path) -> None:
     shapes = {solid.name: [part.shape for part in solid.parts] for solid in cell.scene.solids}
     assert shapes["arm/l1"] == [Primitive("sphere", (0.03,))]
     assert shapes["arm/l4"] == [Primitive("sphere", (0.03,))]
-    assert cell.scene.notes == (
+    package, *notes = cell.scene.notes
+    assert "package 'nowhere' was not found; name its folder by packages" in package
+    assert notes == [
         "chain.urdf: links tested by visual geometry, for no collision geometry can be read: "
         "l1 (mesh 'gone.stl' was not found)",
         "chain.urdf: links tested without some of the collision geometry: "
@@ -741,7 +743,7 @@ def test_missing_meshes_are_named_and_visuals_stand_in(tmp_path: Path) -> None:
         "chain.urdf: links left out of collision tests, for no shape can be read: "
         "l2 (mesh 'package://nowhere/l2.stl' was not found), "
         "l3 (bad.stl is no mesh that can be read)",
-    )
+    ]
 
 
 def test_a_robot_without_collision_elements_is_tested_by_its_visuals(tmp_path: Path) -> None:

@@ -339,7 +339,8 @@ def test_redundant_prismatic_joints_depend_on_the_unit_of_length(tmp_path) -> No
 
 def test_limits_are_needed_on_every_joint() -> None:
     cell = planar(ellipsoid={"torque_scaling": "limits"})
-    with pytest.raises(copose.InputError, match=r"arms\[0\].torque_limits: .*'joint1' has none"):
+    told = r"arms\[0\] \(a1\).torque_limits: .*'joint1', 'joint2', 'joint3' have none"
+    with pytest.raises(copose.InputError, match=told):
         copose.check(parse(cell))
 
 

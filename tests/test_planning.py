@@ -424,7 +424,7 @@ def test_evaluate_neither_projects_nor_bends_limits() -> None:
 
 def test_evaluate_needs_joints_that_fit() -> None:
     problem = parse(planar())
-    with pytest.raises(copose.InputError, match=r"arms\[0\].start"):
+    with pytest.raises(copose.InputError, match=r"arms\[0\] \(a1\).start"):
         copose.evaluate(problem)
     with pytest.raises(copose.InputError, match="did you mean 'a1'"):
         copose.evaluate(problem, {"a11": [0, 0, 0]})

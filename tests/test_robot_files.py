@@ -147,6 +147,15 @@ def test_real_xacro_is_told(tmp_path: Path) -> None:
         assert "is xacro, not URDF; run: xacro robot.urdf" in refused(text, tmp_path, **arm)
 
 
+def test_links_off_the_chain_matter_to_collisions(tmp_path: Path) -> None:
+    shape = f"<collision>{SPHERE}</collision>"
+    text = wheel('<origin xyz="?"/>', inertial=shape).replace("</inertial>", f"</inertial>{shape}")
+    copose.check(_problem(text, tmp_path))
+    asked = problem_of("robot.urdf") | {"constraints": {"collision": True}}
+    with pytest.raises(InputError, match=r"arms\[0\] \(arm\): joint 'w': xyz of <origin> is '\?'"):
+        copose.check(parse(asked, source=tmp_path / "p.toml"))
+
+
 def _problem(text: str, folder: Path, **arm: object) -> copose.Problem:
     (folder / "robot.urdf").write_text(text)
     return parse(problem_of("robot.urdf", **arm), source=folder / "p.toml")

@@ -264,7 +264,7 @@ def test_packages_are_found(layout: str, tmp_path: Path, monkeypatch) -> None:
         load_arms(parse(cell))
     cell["arms"][0]["urdf"] = "package://other/urdf/panda.urdf"
     with pytest.raises(
-        InputError, match=r"was not found .* ROS_PACKAGE_PATH or by AMENT_PREFIX_PATH"
+        InputError, match=r"was not found; .* by ROS_PACKAGE_PATH or by AMENT_PREFIX_PATH"
     ):
         load_arms(parse(cell))
 

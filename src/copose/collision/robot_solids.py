@@ -11,11 +11,11 @@ import numpy as np
 from copose.collision.carriers import Carrier
 from copose.collision.solids import Solid
 from copose.collision.urdf_geometry import LinkShapes
-from copose.errors import InputError, arm_key
+from copose.errors import InputError, arm_key, together
 from copose.poses import Array, Pose
 from copose.problem import Problem, UrdfArm
 from copose.robots import Arm
-from copose.robots.urdf import Robot, RobotsRead, read_robot
+from copose.robots.urdf import Robot, RobotsRead, joint_faults, read_robot
 from copose.robots.urdf_tree import Tree
 
 
@@ -84,9 +84,18 @@ class _Team:
         )
 
     def solids(self) -> list[Solid]:
-        """The links with a shape, the static ones in the root frame of the robot's first arm."""
-        first = self.members[0]
-        standing = self.tree.placed(self.tree.standing(self._locked()).at)
+        """The links with a shape, the static ones in the root frame of the robot's first arm.
+
+        Raises:
+            InputError: where one is cannot be read.
+        """
+        first, tree = self.members[0], self.tree
+        held = tree.standing(self._locked())
+        needed = {j.name: j for link in self.shapes.parts for j in tree.ancestors(link)}
+        faults = [fault for fault in joint_faults(list(needed.values()), (), held) if fault]
+        if faults:
+            raise InputError(together(faults), key=arm_key(first.number, first.arm.name))
+        standing = tree.placed(held.at)
         universe = standing[first.root][1].inverse()
         found = []
         for link, parts in self.shapes.parts.items():

@@ -51,8 +51,8 @@ class RobotOnBase:
     Attributes:
         file: the URDF.
         origin: T_world_universe of the whole robot.
-        moves: the joints that the tip hangs on, from the URDF's root: where a locked one is held,
-            None where the arm moves it.
+        hangs_on: the movable joints above the tip, from the URDF's root: where a locked one is
+            held, None where the arm moves it.
     """
 
     file: Path
@@ -166,7 +166,7 @@ def urdf_arm(spec: UrdfArm, robot: Robot, key: str, *, weighed: bool) -> tuple[A
     needed = list(dict.fromkeys((*chain, *carried)))
     doubts = Doubts()
     ranges = [_limits(joint, i, spec, doubts) for i, joint in enumerate(free)]
-    faults = [*_joint_faults(needed, names, standing), *(fault for *_, fault in ranges)]
+    faults = [*joint_faults(needed, names, standing), *(fault for *_, fault in ranges)]
     weightless = _weightless(tree, carried, free, spec)
     faults += weightless if weighed else []
     if any(faults):
@@ -246,10 +246,10 @@ def _check_locked(spec: UrdfArm, tree: Tree, key: str) -> None:
             )
 
 
-def _joint_faults(
+def joint_faults(
     needed: Sequence[TreeJoint], free: Collection[str], standing: Standing
 ) -> Iterator[str]:
-    """What keeps the joints that an arm needs from being placed."""
+    """What keeps joints that are needed from being placed, or from being free; or nothing."""
     for joint in needed:
         if joint.name in free and joint.kind not in MOVABLE:
             yield (

@@ -213,7 +213,7 @@ class Tree:
                 elif leader not in self.movable:
                     faults[follower] = (
                         f"joint {follower!r} mimics {leader!r}, which is no movable joint of "
-                        f"{self.file.name}{nearest(leader, self.movable)}"
+                        f"{self.file.name}{nearest(leader, self.movable)}; or lock {follower!r}"
                     )
         return Standing(at, faults, moved)
 
@@ -240,8 +240,8 @@ class Tree:
         return at
 
     def fault(self, text: str, key: str) -> InputError:
-        """What is wrong with a robot; where xacro left something in its file, that it did."""
-        return _is_xacro(self.file, key) if self.foreign else InputError(text, key=key)
+        """What is wrong with a robot, and that xacro left something in its file, if it did."""
+        return InputError(f"{text}; {_xacro(self.file)}" if self.foreign else text, key=key)
 
 
 def read_tree(file: Path) -> Tree:
@@ -251,7 +251,7 @@ def read_tree(file: Path) -> Tree:
         InputError: no such file, xacro, broken XML, or no tree of links.
     """
     if file.suffix == ".xacro":
-        raise _is_xacro(file)
+        raise InputError(_xacro(file))
     robot = _parsed(_text(read_bytes(file, _MOST_BYTES)), file)
     if robot.tag != "robot":
         raise InputError(f"{file.name} is not a URDF: its root is <{robot.tag}>, not <robot>")
@@ -262,13 +262,13 @@ def read_tree(file: Path) -> Tree:
     faults = _structural_faults(links, joints)
     if faults:
         if foreign:
-            raise _is_xacro(file)
+            raise InputError(_xacro(file))
         raise InputError(f"{file.name} is broken: {together(faults)}")
     by_child = {joint.child: joint for joint in map(_joint, joints)}
     roots = [name for name in map(_name, links) if name not in by_child]
     if len(roots) != 1:
         if foreign:
-            raise _is_xacro(file)
+            raise InputError(_xacro(file))
         named = f": {', '.join(roots)}" if roots else ""
         raise InputError(f"{file.name} is no tree of links: it has {len(roots)} root links{named}")
     hanging: dict[str, list[TreeJoint]] = {}
@@ -408,11 +408,10 @@ def _end(joint: ET.Element, tag: str) -> str:
     return end.get("link", "") if end is not None else ""
 
 
-def _is_xacro(file: Path, key: str = "") -> InputError:
-    return InputError(
+def _xacro(file: Path) -> str:
+    return (
         f"{file.name} is xacro, not URDF; run: xacro {file.name} > "
-        f"{file.name.split('.')[0]}_expanded.urdf, and name that",
-        key=key,
+        f"{file.name.split('.')[0]}_expanded.urdf, and name that"
     )
 
 
