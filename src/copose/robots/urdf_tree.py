@@ -292,7 +292,7 @@ def read_tree(file: Path) -> Tree:
 
 
 def numbers(element: ET.Element, key: str, count: int, default: str = "") -> tuple[float, ...]:
-    """So many finite numbers of an attribute, apart by blanks.
+    """So many numbers of an attribute, apart by blanks.
 
     Raises:
         ValueError: there are others, or none; the text says so.
@@ -308,7 +308,8 @@ def numbers(element: ET.Element, key: str, count: int, default: str = "") -> tup
         return values
     if key not in element.attrib:
         raise ValueError(f"<{element.tag}> has no {key}")
-    wanted = "a finite number is" if count == 1 else f"{count} finite numbers are"
+    wanted = "a number" if count == 1 else f"{count} numbers"
+    wanted += f" within ±{_LARGEST:g} {'is' if count == 1 else 'are'}"
     raise ValueError(f"{key} of <{element.tag}> is {shown(text)}; {wanted} needed")
 
 
