@@ -97,6 +97,8 @@ SPATIAL = [
         "arms[0] (left).urdf: '~nosuchuser/a.urdf' is no usable path",
     ),
     ("arms.0.urdf", "a\x00b", "is no usable path"),
+    ("arms.0.packages", {"a": "b\x00"}, "arms[0] (left).packages.a: 'b\\x00' is no usable path"),
+    ("arms.0.packages", {"a": 3}, "arms[0] (left).packages.a: 3 must be a text"),
     ("arms.0.urdf", "example-robot-data://" + "a" * 300, "is no usable path"),
     ("name", "..", "must be a name without '/'"),
     ("name", "a/b", "without '/'"),

@@ -110,11 +110,11 @@ def read_robot(spec: UrdfArm, folder: Path, key: str, read: RobotsRead) -> Robot
     Raises:
         InputError: the file is missing or cannot be used.
     """
+    packages = {
+        name: _package_folder(place, folder, f"{key}.packages.{name}")
+        for name, place in spec.packages.items()
+    }
     try:
-        packages = {
-            name: (folder / Path(place).expanduser()).resolve()
-            for name, place in spec.packages.items()
-        }
         file = resolve(spec.urdf, folder, packages).resolve()
         kind = file, tuple(sorted(packages.items()))
         if kind not in read:
@@ -230,6 +230,13 @@ def urdf_arm(spec: UrdfArm, robot: Robot, key: str, *, weighed: bool) -> tuple[A
         },
     )
     return arm, whole
+
+
+def _package_folder(place: str, folder: Path, key: str) -> Path:
+    try:
+        return (folder / Path(place).expanduser()).resolve()
+    except (OSError, ValueError, RuntimeError) as error:
+        raise InputError(f"{shown(place)} is no usable path: {error}", key=key) from None
 
 
 def _is_held(joint: TreeJoint, spec: UrdfArm) -> bool:
