@@ -6,28 +6,29 @@
 Public names load what they need when they are first used.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-from copose.errors import CoposeError, InputError
-from copose.version import __version__
-
+# Nothing is imported before it is needed: the command comes by here before it can heed ^C.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
     from copose.capability import Ellipsoid
+    from copose.errors import CoposeError, InputError
     from copose.paths import PathPlanner, plan
     from copose.planning import Check, Planner, check, evaluate, solve, verify
     from copose.problem import Problem, load, parse
     from copose.report import compare, draw
     from copose.results import Motion, Solution, read_motion, read_solution
+    from copose.version import __version__
 
 _HOMES = {
     "Check": "planning",
+    "CoposeError": "errors",
     "Ellipsoid": "capability",
+    "InputError": "errors",
     "Motion": "results",
     "PathPlanner": "paths",
     "Planner": "planning",
     "Problem": "problem",
     "Solution": "results",
+    "__version__": "version",
     "check": "planning",
     "compare": "report",
     "draw": "report",
@@ -66,7 +67,9 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name not in _HOMES:
         raise AttributeError(f"module 'copose' has no attribute {name!r}")
+    from importlib import import_module
+
     return getattr(import_module(f"copose.{_HOMES[name]}"), name)

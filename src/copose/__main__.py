@@ -1,7 +1,72 @@
-"""`python -m copose`."""
+"""The process of `copose` and of `python -m copose`: what holds before anything is loaded.
 
+Whatever happens ends in an exit status, and in one line where it is neither 0 nor 141. Imports are
+few: until the first line of `run` the interpreter answers ^C with a traceback.
+"""
+
+import contextlib
+import os
+import signal
 import sys
 
-from copose.cli import main
+FAILED, INTERRUPTED = 4, 128 + 2
 
-sys.exit(main())
+
+def run() -> int:
+    """Run the command line of this process and return its exit status."""
+    # In the background of a script ^C is not meant for us: then it is ignored already.
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupted)
+    try:
+        _open_streams()
+        if not sys.warnoptions:
+            import warnings
+
+            warnings.simplefilter("ignore")
+        from copose.cli import main
+
+        return main()
+    except Exception as error:
+        return _failed(error)
+
+
+def _interrupted(*_: object) -> None:
+    """End at once: of an exception IPOPT would make a solution, and libraries a traceback."""
+    if os.isatty(2) and os.environ.get("TERM", "dumb") != "dumb":
+        # Without the bar that shows progress, and with the cursor that it hides.
+        os.write(2, b"\r\x1b[K\x1b[?25h")
+    _say("interrupted")
+    os._exit(INTERRUPTED)
+
+
+def _open_streams() -> None:
+    """Nowhere in place of streams that are closed: a file that is opened would take their place."""
+    while (handle := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(handle)
+    sys.stdin = sys.stdin or open(0)  # noqa: SIM115
+    sys.stdout = sys.stdout or open(1, "w")  # noqa: SIM115
+    sys.stderr = sys.stderr or open(2, "w")  # noqa: SIM115
+
+
+def _failed(error: Exception) -> int:
+    """Say what went wrong that nobody has foreseen."""
+    if os.environ.get("COPOSE_DEBUG"):
+        import traceback
+
+        traceback.print_exception(error)
+    words = " ".join(f"internal error: {type(error).__name__}: {error}".split())
+    if isinstance(error, MemoryError):
+        words = "out of memory"
+    _say(f"{words[:400]} (COPOSE_DEBUG=1 in the environment shows where)")
+    return FAILED
+
+
+def _say(words: str) -> None:
+    # Past Python's stream: an interrupt may have come in the middle of one of its calls.
+    with contextlib.suppress(OSError):
+        os.write(2, f"copose: {words}\n".encode(errors="replace"))
+
+
+if __name__ == "__main__":
+    sys.exit(run())

@@ -8,49 +8,47 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 from copose.errors import InputError, one_line, shown
 from copose.version import __version__
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
+    from rich.console import Console, RenderableType
 
     from copose.planning.climbing import Progress
     from copose.problem import Problem
     from copose.results import Motion, Solution
 
-SOLVED, WRONG_INPUT, INFEASIBLE, FAILED = 0, 2, 3, 4
+SOLVED, WRONG_INPUT, INFEASIBLE, FAILED, READER_GONE = 0, 2, 3, 4, 128 + 13
 _STATUS = {"solved": SOLVED, "infeasible": INFEASIBLE, "failed": FAILED}
 _RESULT, _PICTURE = "result.json", "before_after.png"
 _TRAJECTORY, _ROS, _WAY, _FILM = "trajectory.csv", "trajectory.yaml", "path.png", "path.gif"
+# Tables on narrower terminals are wrapped by these: columns of a letter tell nothing.
+_NARROWEST = 60
 _FIGURE = "also draw a .png, .pdf or .svg"
 _MISS = f"{_FIGURE}; of an infeasible problem, its nearest miss"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit status."""
+    """Run a command line and return its exit status."""
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(AttributeError, ValueError):
             stream.reconfigure(errors="replace")  # type: ignore[union-attr]
     try:
-        arguments = _parser().parse_args(argv)
+        try:
+            arguments = _parser().parse_args(argv)
+        except SystemExit:
+            # After --help and --version: mistakes are input errors here.
+            with _printing():
+                return SOLVED
         status: int = arguments.run(arguments)
-        sys.stdout.flush()
         return status
     except InputError as error:
-        print(f"copose: {error}", file=sys.stderr)  # noqa: T201
+        _tell(str(error))
         return WRONG_INPUT
     except BrokenPipeError:
-        # The reader has gone; what is left to print goes nowhere, without a complaint at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 128 + 13
-    except OSError as error:
-        print(f"copose: cannot print: {error.strerror}", file=sys.stderr)  # noqa: T201
-        return WRONG_INPUT
-    except KeyboardInterrupt:
-        print("copose: interrupted", file=sys.stderr)  # noqa: T201
-        return 128 + 2
+        return READER_GONE
 
 
 class _Parser(argparse.ArgumentParser):
@@ -155,7 +153,7 @@ def _path(arguments: argparse.Namespace) -> int:
 
     with _progress(arguments) as progress:
         motion = plan(problem, seed=arguments.seed, progress=progress)
-    from copose.report import draw, motion_animation, motion_picture, motion_table
+    from copose.report import motion_animation, motion_picture, motion_table
     from copose.results import joint_trajectory_yaml, trajectory_csv
 
     makers: dict[str, Callable[[], bytes]] = {
@@ -165,10 +163,9 @@ def _path(arguments: argparse.Namespace) -> int:
         _FILM: lambda: motion_animation(motion),
     }
     solved = motion.status == "solved"
-    contents = {name: make() if solved and wanted[name] else None for name, make in makers.items()}
-    _write(motion, folder, contents)
-    if solved and arguments.figure is not None:
-        draw(motion, arguments.figure)
+    beside = {name: make for name, make in makers.items() if solved and wanted[name]}
+    figure = arguments.figure if solved else None
+    _write(motion, folder, beside, figure)
     return _say(motion, motion_table(motion), folder, arguments)
 
 
@@ -196,7 +193,8 @@ def _compare(arguments: argparse.Namespace) -> int:
     files = arguments.one, arguments.other
     one, other = (read_solution(file) for file in files)
     found = compare(one, other, (str(files[0]), str(files[1])))
-    draw_comparison(found, arguments.figure)
+    with _spared(arguments.figure):
+        draw_comparison(found, arguments.figure)
     if not arguments.quiet:
         _print(comparison_table(found))
         _print_place(arguments.figure)
@@ -248,28 +246,46 @@ def _check_place(file: Path) -> None:
 
 def _finish(solution: Solution, folder: Path, arguments: argparse.Namespace) -> int:
     """Write and print an answer."""
-    from copose.report import draw, picture, solution_table
+    from copose.report import picture, solution_table
 
     solved = solution.status == "solved"
-    _write(solution, folder, {_PICTURE: picture(solution, "png") if solved else None})
-    if arguments.figure is not None:
-        draw(solution, arguments.figure)
+    beside = {_PICTURE: lambda: picture(solution, "png")} if solved else {}
+    _write(solution, folder, beside, arguments.figure)
     return _say(solution, solution_table(solution), folder, arguments)
 
 
-def _write(answer: Solution | Motion, folder: Path, beside: Mapping[str, bytes | None]) -> None:
-    """A result and what lies beside it, which is removed where there is nothing to write."""
+def _write(
+    answer: Solution | Motion,
+    folder: Path,
+    beside: Mapping[str, Callable[[], bytes]],
+    figure: Path | None,
+) -> None:
+    """A result, then what lies beside it in place of an earlier run's, and a figure elsewhere."""
+    from copose.report import draw
     from copose.results import to_json, write_file
 
-    text = to_json(answer)
-    for name, content in beside.items():
-        if content is not None:
-            write_file(folder / name, content)
-            continue
-        # A picture of an earlier answer would lie beside a result that has none.
-        with contextlib.suppress(OSError):
+    for name in (_PICTURE, _TRAJECTORY, _ROS, _WAY, _FILM):
+        with _spared(folder / name):
             (folder / name).unlink(missing_ok=True)
-    write_file(folder / _RESULT, text.encode())
+    write_file(folder / _RESULT, to_json(answer).encode())
+    for name, make in beside.items():
+        with _spared(folder / name):
+            write_file(folder / name, make())
+    if figure is not None:
+        with _spared(figure):
+            draw(answer, figure)
+
+
+@contextlib.contextmanager
+def _spared(file: Path) -> Iterator[None]:
+    """What an answer stands without: where it fails, a line says so."""
+    try:
+        yield
+    except InputError as error:
+        _tell(f"warning: {error}")
+    except Exception as error:
+        # Whatever may go wrong in a drawing: fonts, settings, what Matplotlib itself lacks.
+        _tell(f"warning: {file}: {type(error).__name__}: {error}")
 
 
 def _say(
@@ -279,12 +295,13 @@ def _say(
     if arguments.json:
         from copose.results import to_json
 
-        sys.stdout.write(to_json(answer))
+        with _printing():
+            sys.stdout.write(to_json(answer))
     elif not arguments.quiet:
         _print(table)
         _print_place(folder)
-    if answer.reason is not None and (arguments.json or arguments.quiet):
-        print(f"copose: {answer.status}: {one_line(answer.reason)}", file=sys.stderr)  # noqa: T201
+    if answer.reason is not None:
+        _tell(f"{answer.status}: {answer.reason}")
     return _STATUS[answer.status]
 
 
@@ -295,9 +312,55 @@ def _print_place(place: Path) -> None:
 
 
 def _print(content: RenderableType) -> None:
+    console = _console()
+    with _printing():
+        # Rich itself would end the process where nobody reads.
+        with console.capture() as printed:
+            console.print(content)
+        sys.stdout.write(printed.get())
+
+
+def _console(**more: Any) -> Console:
+    """A stream, standard output if nothing else is said, and how to print on it."""
     from rich.console import Console
 
-    Console(highlight=False).print(content)
+    console = Console(highlight=False, **more)
+    console.width = max(console.width, _NARROWEST)
+    return console
+
+
+@contextlib.contextmanager
+def _printing() -> Iterator[None]:
+    """Where standard output is written to, at once.
+
+    Raises:
+        BrokenPipeError: the reader has gone.
+        InputError: it cannot be written to, on a full disk say.
+    """
+    try:
+        with _emptied(sys.stdout):
+            yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise InputError(f"cannot print: {error.strerror}") from None
+
+
+def _tell(words: str) -> None:
+    """Print a line on standard error, where that can be written to."""
+    with contextlib.suppress(OSError), _emptied(sys.stderr):
+        sys.stderr.write(f"{one_line(f'copose: {words}')}\n")
+
+
+@contextlib.contextmanager
+def _emptied(stream: TextIO) -> Iterator[None]:
+    """A stream that is flushed; what it cannot write is not tried again as the process ends."""
+    try:
+        yield
+        stream.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        raise
 
 
 @contextlib.contextmanager
@@ -306,7 +369,6 @@ def _progress(arguments: argparse.Namespace) -> Iterator[Progress | None]:
     if arguments.quiet or arguments.json or not sys.stderr.isatty():
         yield None
         return
-    from rich.console import Console
     from rich.progress import BarColumn, TextColumn
     from rich.progress import Progress as Bar
 
@@ -315,10 +377,6 @@ def _progress(arguments: argparse.Namespace) -> Iterator[Progress | None]:
         BarColumn(),
         TextColumn("{task.percentage:>3.0f}%"),
     )
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Bar(*columns, console=_console(stderr=True), transient=True) as bar:
         task = bar.add_task("building", total=1.0)
         yield lambda what, done: bar.update(task, description=what, completed=done)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

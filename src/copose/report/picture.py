@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import io
 import logging
+import os
+import threading
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from copose.errors import InputError
 from copose.problem import SPACES
@@ -22,6 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = (".png", ".pdf", ".svg")
+# Settings of Matplotlib are those of the whole process.
+_LOCK = threading.Lock()
 
 
 def check_format(path: Path) -> None:
@@ -74,11 +79,11 @@ def motion_animation(motion: Motion) -> bytes:
 
 def _rendered(panels: list[style.Panel], rows: list[Row], heading: str, kind: str) -> bytes:
     """The rows where there are some, else the panels."""
-    from copose.report.cases import cases_figure
-    from copose.report.planar import planar_figure
-    from copose.report.spatial import spatial_figure
-
     with _drawing():
+        from copose.report.cases import cases_figure
+        from copose.report.planar import planar_figure
+        from copose.report.spatial import spatial_figure
+
         if rows:
             figure = cases_figure(rows, heading)
         elif SPACES[panels[0].solution.problem.space].planar:
@@ -90,15 +95,40 @@ def _rendered(panels: list[style.Panel], rows: list[Row], heading: str, kind: st
 
 @contextlib.contextmanager
 def _drawing() -> Iterator[None]:
-    """What all pictures look like."""
-    import matplotlib
+    """What all pictures look like, whatever settings of Matplotlib a user or a script has."""
+    # It warns of settings that it does not know, and of folders that it cannot write its font
+    # cache to; fonts are found without.
+    chatter = logging.getLogger("matplotlib")
+    level = chatter.level
+    with _LOCK, warnings.catch_warnings():
+        try:
+            chatter.setLevel(logging.ERROR)
+            matplotlib = _matplotlib()
+            warnings.simplefilter("ignore", matplotlib.MatplotlibDeprecationWarning)
+            defaults = {k: matplotlib.rcParamsDefault[k] for k in matplotlib.rcParamsDefault}
+            del defaults["backend"]
+            # A name in a script that the font lacks is drawn as boxes; there is no more to say.
+            warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+            with matplotlib.rc_context(defaults | style.RC):
+                yield
+        finally:
+            chatter.setLevel(level)
 
-    # It warns of folders that it cannot write its font cache to; fonts are found without.
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)
-    with matplotlib.rc_context(style.RC), warnings.catch_warnings():
-        # A name in a script that the font lacks is drawn as boxes; that is all there is to say.
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        yield
+
+def _matplotlib() -> Any:
+    """Matplotlib, which fails to load where MPLBACKEND names a backend that is not installed.
+
+    Notebooks set it for all that they start. Figures that save themselves need none.
+    """
+    with contextlib.suppress(ValueError):
+        import matplotlib
+
+        return matplotlib
+    backend = os.environ.pop("MPLBACKEND", "")
+    try:
+        return importlib.import_module("matplotlib")
+    finally:
+        os.environ["MPLBACKEND"] = backend
 
 
 def _saved(figure: Figure, kind: str) -> bytes:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TypeVar
 
@@ -16,6 +18,8 @@ from copose.results.motion import Motion
 from copose.results.solution import Solution
 
 _MOST_BYTES = 200_000_000
+# The end of a file's name until it is whole.
+_UNFINISHED = ".copose-unfinished"
 _Result = TypeVar("_Result", Solution, Motion)
 
 
@@ -67,24 +71,50 @@ def _is(text: str, model: type[Motion]) -> bool:
 
 
 def write_file(path: Path, content: bytes) -> None:
-    """Write a file beside its place and rename it there.
+    """Write a file beside its place and rename it there, once it is on the disk.
 
     Raises:
         InputError: the place cannot be written.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:40]}.")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(content)
-            # mkstemp makes files that only the owner can read; results are ordinary files.
-            umask = os.umask(0)
-            os.umask(umask)
-            Path(name).chmod(0o666 & ~umask)
-            Path(name).replace(path)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
+        with _swept(path.parent):
+            handle, name = tempfile.mkstemp(
+                dir=path.parent, prefix=f".{path.name[:40]}.", suffix=_UNFINISHED
+            )
+            try:
+                with os.fdopen(handle, "wb") as file:
+                    file.write(content)
+                    file.flush()
+                    os.fsync(handle)
+                # mkstemp makes files that only the owner can read; results are ordinary files.
+                umask = os.umask(0)
+                os.umask(umask)
+                Path(name).chmod(0o666 & ~umask)
+                Path(name).replace(path)
+            except BaseException:
+                Path(name).unlink(missing_ok=True)
+                raise
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", file=path) from None
+
+
+@contextlib.contextmanager
+def _swept(folder: Path) -> Iterator[None]:
+    """A folder without what writers that were killed have left, for as long as one writes to it.
+
+    Writers share a lock on the folder, which ends with its process: while one can have it for
+    itself, no unfinished file belongs to anybody. Where folders cannot be locked none is removed.
+    """
+    with contextlib.ExitStack() as locked:
+        with contextlib.suppress(ImportError, OSError):
+            import fcntl
+
+            handle = os.open(folder, os.O_RDONLY)
+            locked.callback(os.close, handle)
+            with contextlib.suppress(BlockingIOError):
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                for left in folder.glob(f".*{_UNFINISHED}"):
+                    left.unlink()
+            fcntl.flock(handle, fcntl.LOCK_SH)
+        yield
