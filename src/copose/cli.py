@@ -24,8 +24,8 @@ SOLVED, WRONG_INPUT, INFEASIBLE, FAILED, READER_GONE = 0, 2, 3, 4, 128 + 13
 _STATUS = {"solved": SOLVED, "infeasible": INFEASIBLE, "failed": FAILED}
 _RESULT, _PICTURE = "result.json", "before_after.png"
 _TRAJECTORY, _ROS, _WAY, _FILM = "trajectory.csv", "trajectory.yaml", "path.png", "path.gif"
-# Tables on narrower terminals are wrapped by these: columns of a letter tell nothing.
-_NARROWEST = 60
+# Columns that tables need to show all digits; on narrower terminals their lines are wrapped.
+_NARROWEST = 80
 _FIGURE = "also draw a .png, .pdf or .svg"
 _MISS = f"{_FIGURE}; of an infeasible problem, its nearest miss"
 
@@ -55,6 +55,11 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         # argparse would print its usage over several lines.
         raise InputError(f"{one_line(message)} (see {self.prog} --help)")
+
+    def print_help(self, file: object = None) -> None:
+        # argparse would pass over a reader that has gone.
+        with _printing():
+            sys.stdout.write(self.format_help())
 
 
 def _parser() -> argparse.ArgumentParser:

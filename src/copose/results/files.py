@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from copose.errors import InputError
 from copose.problem import read_text
+from copose.results.agreement import disagreements
 from copose.results.motion import Motion
 from copose.results.solution import Solution
 
@@ -50,7 +51,7 @@ def _read(path: str | Path, model: type[_Result]) -> _Result:
     file = Path(path)
     text = read_text(file, _MOST_BYTES)
     try:
-        return model.model_validate_json(text)
+        answer = model.model_validate_json(text, strict=True)
     except ValidationError as error:
         if model is Solution and _is(text, Motion):
             raise InputError(
@@ -58,8 +59,12 @@ def _read(path: str | Path, model: type[_Result]) -> _Result:
             ) from None
         first = error.errors(include_url=False, include_input=False)[0]
         key = ".".join(str(part) for part in first["loc"])
-        why = ": ".join(part for part in (key, first["msg"]) if part)
-        raise InputError(f"is no copose result ({why})", file=file) from None
+        fault = ": ".join(part for part in (key, first["msg"]) if part)
+    else:
+        fault = next(disagreements(answer), "")
+        if not fault:
+            return answer
+    raise InputError(f"is no copose result ({fault})", file=file)
 
 
 def _is(text: str, model: type[Motion]) -> bool:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import model_validator
-
 from copose.results.records import Finite, Record, Vector
 from copose.results.solution import ObjectiveRecord, Posture, ProblemRecord, Timing
 
@@ -125,19 +123,3 @@ class Motion(Record):
     reachable_from_start: bool | None = None
     search: PathSearchRecord | None
     timing: Timing
-
-    @model_validator(mode="after")
-    def _fits_together(self) -> Motion:
-        if (self.time is None) != (self.knots is None):
-            raise ValueError("time, knots: one without the other")
-        if self.time is None or self.knots is None:
-            return self
-        if len(self.time) != len(self.knots):
-            raise ValueError("time: not one for every knot")
-        expected = {name: len(joints) for name, joints in self.joint_names.items()}
-        for knot in self.knots:
-            for part in (knot.joints, knot.velocity, knot.acceleration, knot.torque or expected):
-                counts = {n: x if isinstance(x, int) else len(x) for n, x in part.items()}
-                if counts != expected:
-                    raise ValueError("knots: joints are not those that joint_names lists")
-        return self

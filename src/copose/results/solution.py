@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any, Literal
 
-from pydantic import model_serializer, model_validator
+from pydantic import model_serializer
 from pydantic_core.core_schema import SerializerFunctionWrapHandler
 
 from copose.poses import Pose
-from copose.problem import SPACES, Obstacle, PlanarObstacle, Shape, SpaceName
+from copose.problem import Obstacle, PlanarObstacle, Shape, SpaceName
 from copose.results.limits import AccelerationRecord, ExactSetRecord, WrenchRecord
 from copose.results.records import (
     CompanionRecord,
@@ -320,23 +320,6 @@ class Solution(Record):
     cases: tuple[CasePosture, ...] | None = None
     cases_before: tuple[CasePosture, ...] | None = None
     reachable_from_start: bool | None = None
-
-    @model_validator(mode="after")
-    def _fits_together(self) -> Solution:
-        size = len(self.problem.axes)
-        if not set(self.problem.axes) <= set(SPACES[self.problem.space].coordinates):
-            raise ValueError("problem.axes: not coordinates of the task space")
-        some = (self.before, self.after, self.nearest_miss)
-        for posture in (*some, *(self.cases or ()), *(self.cases_before or ())):
-            if posture is None:
-                continue
-            counts = {name: len(joints) for name, joints in posture.joints.items()}
-            if counts != {name: len(joints) for name, joints in self.joint_names.items()}:
-                raise ValueError("joints: not those that joint_names lists")
-            radii = posture.ellipsoid.radii
-            if radii is not None and (len(radii) != size or min(radii) <= 0):
-                raise ValueError("ellipsoid.radii: not one positive number per axis")
-        return self
 
     @model_serializer(mode="wrap")
     def _without_empty_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
