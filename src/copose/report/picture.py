@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import io
 import logging
 import os
+import sys
 import threading
 import warnings
 from collections.abc import Iterator
@@ -116,19 +116,22 @@ def _drawing() -> Iterator[None]:
 
 
 def _matplotlib() -> Any:
-    """Matplotlib, which fails to load where MPLBACKEND names a backend that is not installed.
+    """Matplotlib, which cannot be loaded where MPLBACKEND names a backend that is not installed.
 
     Notebooks set it for all that they start. Figures that save themselves need none.
     """
-    with contextlib.suppress(ValueError):
-        import matplotlib
-
-        return matplotlib
+    if "matplotlib" in sys.modules:
+        return sys.modules["matplotlib"]
     backend = os.environ.pop("MPLBACKEND", "")
     try:
-        return importlib.import_module("matplotlib")
+        import matplotlib
     finally:
-        os.environ["MPLBACKEND"] = backend
+        if backend:
+            os.environ["MPLBACKEND"] = backend
+    if backend:
+        with contextlib.suppress(ValueError):
+            matplotlib.rcParams["backend"] = backend
+    return matplotlib
 
 
 def _saved(figure: Figure, kind: str) -> bytes:
