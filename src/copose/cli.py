@@ -8,13 +8,13 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TextIO
+from typing import TYPE_CHECKING, NoReturn, TextIO
 
 from copose.errors import InputError, one_line, shown
 from copose.version import __version__
 
 if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
+    from rich.console import RenderableType
 
     from copose.planning.climbing import Progress
     from copose.problem import Problem
@@ -317,21 +317,15 @@ def _print_place(place: Path) -> None:
 
 
 def _print(content: RenderableType) -> None:
-    console = _console()
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    console.width = max(console.width, _NARROWEST)
     with _printing():
         # Rich itself would end the process where nobody reads.
         with console.capture() as printed:
             console.print(content)
         sys.stdout.write(printed.get())
-
-
-def _console(**more: Any) -> Console:
-    """A stream, standard output if nothing else is said, and how to print on it."""
-    from rich.console import Console
-
-    console = Console(highlight=False, **more)
-    console.width = max(console.width, _NARROWEST)
-    return console
 
 
 @contextlib.contextmanager
@@ -374,6 +368,7 @@ def _progress(arguments: argparse.Namespace) -> Iterator[Progress | None]:
     if arguments.quiet or arguments.json or not sys.stderr.isatty():
         yield None
         return
+    from rich.console import Console
     from rich.progress import BarColumn, TextColumn
     from rich.progress import Progress as Bar
 
@@ -382,6 +377,6 @@ def _progress(arguments: argparse.Namespace) -> Iterator[Progress | None]:
         BarColumn(),
         TextColumn("{task.percentage:>3.0f}%"),
     )
-    with Bar(*columns, console=_console(stderr=True), transient=True) as bar:
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("building", total=1.0)
         yield lambda what, done: bar.update(task, description=what, completed=done)
