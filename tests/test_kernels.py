@@ -73,6 +73,19 @@ def test_kernels_of_an_arm_are_the_same_bits(resolution: str, home: Path) -> Non
 
 
 @needs_compiler
+@pytest.mark.parametrize("wait", [False, True], ids=["virtual machine", "compiled"])
+def test_shapes_that_do_not_fit_are_refused(wait: bool, home: Path) -> None:
+    kernel = small()
+    if wait:
+        assert build([kernel], wait=True)
+    nx, np_ = kernel._nx, kernel._np
+    for x, p in (((nx,), (np_,)), ((3, nx + 1), (np_,)), ((3, nx), (np_ + 1,)), ((3, nx), (2, np_)),
+                 ((), (np_,))):  # fmt: skip
+        with pytest.raises(ValueError, match="shapes"):
+            kernel(np.zeros(x), np.zeros(p))
+
+
+@needs_compiler
 def test_the_answer_does_not_wait_and_one_process_compiles(home: Path) -> None:
     kernel = small()
     assert not build([kernel]) and not kernel.compiled

@@ -59,8 +59,17 @@ class Kernel:
         return self._evaluate is not None
 
     def __call__(self, x: Array, p: Array) -> Array:
-        """y, (count, ny), at x, (count, nx), and p, (np,) for all of them or (count, np)."""
+        """y, (count, ny), at x, (count, nx), and p, (np,) for all of them or (count, np).
+
+        Raises:
+            ValueError: they have other shapes, which compiled code could not tell.
+        """
         x, p = np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(p, dtype=float)
+        count = len(x) if x.ndim else 0
+        if x.shape != (count, self._nx) or p.shape not in ((self._np,), (count, self._np)):
+            raise ValueError(
+                f"shapes {x.shape} and {p.shape} for {self._nx} and {self._np} numbers"
+            )
         if self._evaluate is not None:
             return self._run(self._evaluate, x, p)
         return self._interpreted(x, p)
