@@ -15,7 +15,7 @@ from copose.planning import search
 from copose.planning.cell import Cell
 from copose.planning.closing import project
 from copose.planning.judging import judged
-from copose.planning.limits_measures import HeldMass
+from copose.planning.limits_measures import Payload
 from copose.planning.machinery import Machinery
 from copose.planning.screening import Screened
 from copose.problem import parse
@@ -222,7 +222,8 @@ def test_what_compares_holds_is_the_least_norm(space: str) -> None:
     cell = cell_of(space)
     truth, drawn = postures(cell, 4)
     ready = Cell.of(parse(cell))
-    machinery = Machinery(ready, HeldMass(ready.torque_limits, ready.problem.space))
+    rest = np.zeros(len(truth.rows))
+    machinery = Machinery(ready, Payload(ready.torque_limits, rest, ready.problem.space))
     setting = machinery.setting(ready)
     T = truth.torque_limits()
     for joints in drawn:

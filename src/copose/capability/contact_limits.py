@@ -12,15 +12,14 @@ from copose.poses import Array
 
 @dataclass(frozen=True, eq=False)
 class WrenchBounds:
-    """{h : matrix h ≤ bound}, on the stacked contact wrenches in root axes."""
+    """{h : matrix h ≤ 1}, on the stacked contact wrenches in root axes."""
 
     matrix: Array
-    bound: Array
 
     @property
     def none(self) -> WrenchBounds:
         """No bounds on the same wrenches."""
-        return WrenchBounds(self.matrix[:0], self.bound[:0])
+        return WrenchBounds(self.matrix[:0])
 
 
 def inner_polyhedron(dimension: int, corners: int = 32) -> tuple[Array, float]:
@@ -85,20 +84,18 @@ def wrench_bounds(
             nonsqueezing W⁺: that of f_i less the mean of all.
     """
     K, m = len(turns), len(turns[0])
-    rows, bounds = [np.zeros((0, K * m))], [np.zeros(0)]
+    rows = [np.zeros((0, K * m))]
     whole = np.hstack(turns)
     for i, grip in enumerate(grips):
         for part, most in zip((linear, angular), grip, strict=True):
             if most is not None and len(part):
                 normals, depth = inner_polyhedron(len(part))
                 row = np.zeros((len(normals), K * m))
-                row[:, m * i + np.array(part)] = normals
+                row[:, m * i + np.array(part)] = normals / (most * depth)
                 rows.append(row)
-                bounds.append(np.full(len(normals), most * depth))
         if internal_force is not None and K > 1:
             normals, depth = inner_polyhedron(len(linear))
             own = np.zeros((m, K * m))
             own[:, m * i : m * i + m] = turns[i]
-            rows.append(normals @ (own - whole / K)[list(linear)])
-            bounds.append(np.full(len(normals), internal_force * depth))
-    return WrenchBounds(np.vstack(rows), np.concatenate(bounds))
+            rows.append(normals @ (own - whole / K)[list(linear)] / (internal_force * depth))
+    return WrenchBounds(np.vstack(rows))

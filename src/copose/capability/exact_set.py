@@ -145,9 +145,20 @@ class ExactSet:
         The least d, never less than 0. Where half-spaces are too many to enumerate, the least that
         a search finds, which may be too large: see `_nearest`.
         """
+        return self._touched[0]
+
+    @property
+    def weakest(self) -> Array | None:
+        """The unit direction, (a,), in which that ball touches the surface; None where it is 0."""
+        return self._touched[1] if self.residual_radius else None
+
+    @cached_property
+    def _touched(self) -> tuple[float, Array]:
         if self.half_spaces is None:
             return self._nearest()
-        return max(0.0, float(self.half_spaces[1].min()))
+        H, d = self.half_spaces
+        k = int(d.argmin())
+        return max(0.0, float(d[k])), H[k]
 
     @cached_property
     def vertices(self) -> Array:
@@ -344,8 +355,8 @@ class ExactSet:
             half /= np.linalg.norm(half, axis=1, keepdims=True)
         return np.vstack([half, -half])
 
-    def _nearest(self) -> float:
-        """Distance of the nearest half-space that a search from `_STARTS` of them finds.
+    def _nearest(self) -> tuple[float, Array]:
+        """The nearest half-space that a search from `_STARTS` finds: distance, at least 0, normal.
 
         The ray from rest along a half-space's normal ends on it, at its distance, or on a nearer
         one: that is the next. Each ends at one that no other hides; the nearest of all is such a
@@ -355,17 +366,17 @@ class ExactSet:
         for u in self._directions() @ self._frame.T:
             hit = self._hit(_unit(u))
             if hit is None or hit[2] <= 0:
-                return 0.0
+                return 0.0, _unit(u)
             found.append((hit[2], hit[1]))
         distances = np.array([d for d, _ in found])
         _, first = np.unique(np.round(distances / distances.min(), 9), return_index=True)
-        best = math.inf
-        for d, n in (found[i] for i in first[:_STARTS]):
-            nearest = d
+        ends = []
+        for nearest, n in (found[i] for i in first[:_STARTS]):
             while (hit := self._hit(n)) and hit[2] < nearest - _SAME * abs(nearest):
                 _, n, nearest = hit
-            best = min(best, nearest)
-        return max(0.0, best)
+            ends.append((nearest, n))
+        nearest, n = min(ends, key=lambda end: end[0])
+        return max(0.0, nearest), n
 
     def _extremes(self) -> Array:
         """Points of the slice's surface that are extreme in directions all around it, (k, a)."""

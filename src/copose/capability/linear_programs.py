@@ -18,6 +18,10 @@ TOLERANCE = 1e-10
 # the last two it cannot be told whether there is one, and the library is asked.
 _GOOD, _POOR, _NONE = 1e-8, 1e-6, 1e-3
 _BACK = 0.995
+# Of a column's length: what of it has to be independent of the others to count as such.
+_DEPENDENT = 1e-9
+# Of that, in a program whose rows say next to nothing of x_0: it has no end.
+_NOTHING = 1e-4
 # Iterates beyond this have found no end: unbounded, or nothing is feasible.
 _LARGEST = 1e10
 
@@ -37,22 +41,22 @@ def maximise_first(A: Array, b: Array, within: float = TOLERANCE) -> tuple[Array
         conditions, (count,); zero where the library was asked.
     """
     count, _, p = A.shape
-    scale = np.maximum(np.sqrt((A * A).sum(axis=1)), 1e-300)
-    A = A / scale[:, None]
+    given, to_x = A, _evened(A)
+    A = given @ to_x
     goal = np.zeros((count, p))
-    goal[:, 0] = 1.0
+    goal[:, -1] = 1.0
     x = np.zeros((count, p))
     s = np.maximum(b, 1.0)
     z = np.ones_like(s)
     best, left = np.full_like(x, np.nan), np.full(count, np.inf)
-    going = np.arange(count)
+    going = np.flatnonzero(np.linalg.norm(A[:, :, -1], axis=1) > _NOTHING)
     for _ in range(_ITERATIONS):
         a, here = A[going], (x[going], s[going], z[going])
         x_, s_, z_ = here
         primal = b[going] - (a @ x_[:, :, None])[:, :, 0] - s_
         dual = goal[going] - (z_[:, None] @ a)[:, 0]
         gap = (s_ * z_).mean(axis=1)
-        size = 1 + np.abs(x_[:, 0])
+        size = 1 + np.abs(x_[:, -1])
         error = np.maximum(np.abs(primal).max(axis=1) / size, np.abs(dual).max(axis=1))
         error = np.maximum(error, gap * s_.shape[1] / size)
         better = error < left[going]
@@ -80,18 +84,32 @@ def maximise_first(A: Array, b: Array, within: float = TOLERANCE) -> tuple[Array
         z[going] = z_ + upward[:, None] * dz
     poor = max(_POOR, within)
     best[left > poor] = np.nan
-    best /= scale
     for k in np.flatnonzero((left > poor) & (left <= _NONE)):
-        best[k], left[k] = _by_library(A[k] * scale[k], b[k])
-    return best, left
+        best[k], left[k] = _by_library(A[k], b[k])
+    return (to_x @ best[:, :, None])[:, :, 0], left
+
+
+def _evened(A: Array) -> Array:
+    """X with x = X z, (count, p, p), such that the columns of A X are orthonormal and x_0 is in
+    proportion to z's last entry.
+
+    Rows of very different sizes leave a region that is thin in x, and round in z.
+    """
+    scale = 1 / np.maximum(np.sqrt((A * A).sum(axis=1)), 1e-300)[:, ::-1]
+    p = A.shape[2]
+    # What hardly differs from what goes before must not become large.
+    rest = np.broadcast_to(_DEPENDENT * np.eye(p), (len(A), p, p))
+    R = np.linalg.qr(np.concatenate([A[:, :, ::-1] * scale[:, None], rest], axis=1), mode="r")
+    R *= np.sign(np.diagonal(R, axis1=1, axis2=2))[:, :, None]
+    return np.asarray((scale[:, :, None] * np.linalg.inv(R))[:, ::-1])
 
 
 def _by_library(A: Array, b: Array) -> tuple[Array, float]:
-    """The same of one program, by HiGHS."""
+    """The last variable at its greatest, by HiGHS."""
     from scipy.optimize import linprog
 
     cost = np.zeros(A.shape[1])
-    cost[0] = -1.0
+    cost[-1] = -1.0
     answer = linprog(cost, A, b, bounds=(None, None))
     if answer.status != 0 or answer.x is None:
         return np.full(len(cost), np.nan), np.inf

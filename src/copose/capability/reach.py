@@ -10,7 +10,7 @@ import math
 
 import casadi as ca
 
-from copose.capability.resolutions import tip_inertia
+from copose.capability.resolutions import inertia_times_pinv, tip_inertia
 from copose.capability.sums import Sums, symmetric, upper_triangle
 from copose.mechanics import ArmMechanics, Coupling
 from copose.poses import Array
@@ -18,7 +18,9 @@ from copose.problem import Space
 
 # What is beyond reach counts as worse by this much, in units of the reach.
 _BEYOND = 1e3
-_RIDGE = 1e-10
+# What is added to a matrix that may be singular: of its own diagonal, and of its trace.
+_RIDGE = 1e-12
+_LEAST = 1e-16
 
 
 class TorqueReach(Sums):
@@ -65,8 +67,7 @@ class TorqueReach(Sums):
         S, R, r = ca.vertsplit(sums, [0, b * m, b * m + b * (b + 1) // 2, sums.numel()])
         needed = ca.reshape(S, b, m)[rows, :] @ motion + load
         fixed, slope = needed[:, 0] + r[rows], needed[:, 1]
-        R = symmetric(R, b)[rows, rows]
-        R += _RIDGE * ca.trace(R) * ca.SX.eye(len(rows))
+        R = _ridged(symmetric(R, b)[rows, rows])
         D, LT, order = ca.ldl(R, False)
         both = ca.ldl_solve(ca.horzcat(slope, fixed), D, LT, order)
         A, B, C = ca.dot(slope, both[:, 0]), ca.dot(slope, both[:, 1]), ca.dot(fixed, both[:, 1])
@@ -74,57 +75,77 @@ class TorqueReach(Sums):
 
 
 class HoldingTorque(Sums):
-    """The least ‖T⁻¹τ‖ with which arms at rest hold a load.
+    """The least ‖T⁻¹τ‖ with which arms at rest hold a load, or arms that move with it.
 
-    τ_i = g_i + J_iᵀh_i, Σ P_ih_i = load. With A_i = J_iT⁻²J_iᵀ and p_i = J_iT⁻²g_i the sums are
-    Z = Σ P_iA_i⁻¹P_iᵀ, y = Σ P_iA_i⁻¹p_i and k = Σ ‖T⁻¹g_i‖² − p_iᵀA_i⁻¹p_i, and
-    ‖T⁻¹τ‖² = k + (load + y)ᵀZ⁻¹(load + y). The largest share of a torque limit is no larger than
-    that norm, and no smaller than it over √N.
+    τ_i = D_iv + J_iᵀh_i, Σ P_ih_i = load: at rest D_i = g_i and v = 1; moving, with least-norm
+    joint accelerations, D_i = [g_i, M_iJ_i⁺X_i] and v = [1; a_o]. With A_i = J_iT⁻²J_iᵀ and
+    p_i = J_iT⁻²D_i the sums are Z = Σ P_iA_i⁻¹P_iᵀ, Y = Σ P_iA_i⁻¹p_i and
+    C = Σ D_iᵀT⁻²D_i − p_iᵀA_i⁻¹p_i, and ‖T⁻¹τ‖² = vᵀC v + (load + Y v)ᵀZ⁻¹(load + Y v). The largest
+    share of a torque limit is no larger than that norm, and no smaller than it over √N.
     """
 
-    uses = ("balance", "fall")
+    def __init__(self, *, moving: bool = False) -> None:
+        """Of arms at rest, or of those that move with the object."""
+        self._moving = moving
+        self.uses = ("motion", "balance", "fall") if moving else ("balance", "fall")
 
     def size(self, space: Space) -> int:
-        """The upper triangle of Z, y and k."""
-        b = len(space.balance)
-        return b * (b + 1) // 2 + b + 1
+        """The upper triangle of Z, Y and the upper triangle of C."""
+        b, d = len(space.balance), 1 + space.m * self._moving
+        return b * (b + 1) // 2 + b * d + d * (d + 1) // 2
 
     def arm_terms(
         self, arm: ArmMechanics, coupling: Coupling, scale: Array | ca.SX
     ) -> tuple[ca.SX, ...]:
-        """From T⁻¹Jᵀ = Q U: A = UᵀU, p = UᵀQᵀT⁻¹g."""
-        weight = arm.weight_torques(coupling.fall) / scale
+        """From T⁻¹Jᵀ = Q U: A = UᵀU, p = UᵀQᵀT⁻¹D."""
+        fixed = arm.weight_torques(coupling.fall)
+        if self._moving:
+            driven = inertia_times_pinv(arm.M, arm.J_root) @ coupling.motion
+            fixed = ca.horzcat(fixed, driven)
+        fixed = fixed / ca.repmat(scale, 1, fixed.shape[1])
         Q, U = ca.qr(arm.J_root.T / scale)
         contact = ca.solve(U.T, coupling.balance.T).T
-        kept = Q.T @ weight
+        kept = Q.T @ fixed
         return (
             upper_triangle(contact @ contact.T),
-            contact @ kept,
-            ca.dot(weight, weight) - ca.dot(kept, kept),
+            ca.vec(contact @ kept),
+            upper_triangle(fixed.T @ fixed - kept.T @ kept),
         )
 
     @staticmethod
     def norm(sums: ca.SX, load: ca.SX) -> ca.SX:
-        """The least ‖T⁻¹τ‖ for a load, (b,)."""
-        _, _, square = _quadratic(sums, ca.horzcat(load, ca.SX(load.numel(), 1)))
+        """The least ‖T⁻¹τ‖ for a load, (b,), of arms at rest."""
+        _, _, square = _quadratic(sums, ca.horzcat(load, ca.SX(load.numel(), 1)), ca.SX(1))
         return ca.sqrt(ca.fmax(square, 0))
 
     @staticmethod
-    def farthest(sums: ca.SX, load: ca.SX, n_torques: int) -> ca.SX:
-        """The largest t with load·[1, t], (b, 2), held by ‖T⁻¹τ‖ ≤ ρ, see `_farthest`."""
-        return _farthest(*_quadratic(sums, load), n_torques)
+    def farthest(
+        sums: ca.SX, load: ca.SX, n_torques: int, acceleration: ca.SX | None = None
+    ) -> ca.SX:
+        """The largest t with load·[1, t], (b, 2), held by ‖T⁻¹τ‖ ≤ ρ, see `_farthest`; a_o, (m,),
+        of arms that move.
+        """
+        given = ca.SX(1) if acceleration is None else ca.vertcat(1, acceleration)
+        return _farthest(*_quadratic(sums, load, given), n_torques)
 
 
-def _quadratic(sums: ca.SX, load: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+def _quadratic(sums: ca.SX, load: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     """A, B, C of ‖T⁻¹τ‖² = A t² + 2 B t + C at its least, for load·[1, t]."""
-    b = load.shape[0]
-    Z, y, k = ca.vertsplit(sums, [0, b * (b + 1) // 2, sums.numel() - 1, sums.numel()])
-    Z = symmetric(Z, b)
-    Z += _RIDGE * ca.trace(Z) * ca.SX.eye(b)
+    b, d = load.shape[0], v.numel()
+    edges = [0, b * (b + 1) // 2, b * (b + 1) // 2 + b * d, sums.numel()]
+    Z, Y, own = ca.vertsplit(sums, edges)
+    Z = _ridged(symmetric(Z, b))
     D, LT, order = ca.ldl(Z, False)
-    fixed, slope = load[:, 0] + y, load[:, 1]
+    fixed, slope = load[:, 0] + ca.reshape(Y, b, d) @ v, load[:, 1]
     both = ca.ldl_solve(ca.horzcat(slope, fixed), D, LT, order)
-    return ca.dot(slope, both[:, 0]), ca.dot(slope, both[:, 1]), k + ca.dot(fixed, both[:, 1])
+    alone = ca.dot(v, symmetric(own, d) @ v)
+    return ca.dot(slope, both[:, 0]), ca.dot(slope, both[:, 1]), alone + ca.dot(fixed, both[:, 1])
+
+
+def _ridged(matrix: ca.SX) -> ca.SX:
+    """A positive definite matrix near one that may be singular."""
+    entries = ca.diag(ca.diag(matrix))
+    return matrix + _RIDGE * entries + _LEAST * ca.trace(matrix) * ca.SX.eye(matrix.shape[0])
 
 
 def _farthest(A: ca.SX, B: ca.SX, C: ca.SX, n_torques: int) -> ca.SX:

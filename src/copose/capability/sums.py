@@ -20,7 +20,7 @@ from copose.problem import Space
 class Sums(ABC):
     """Numbers that are sums over the arms, stacked: (s,)."""
 
-    uses: ClassVar[tuple[str, ...]]
+    uses: tuple[str, ...]
     """The parts of a `Coupling` that they take."""
 
     @abstractmethod

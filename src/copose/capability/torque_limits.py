@@ -3,13 +3,15 @@
     τ_i = M_i q̈_i + g_i + J_iᵀh_i,  |τ_i| ≤ T_i,  J_i q̈_i = X_i a_o,  Σ P_ih_i = load
 
 What is asked for is linear in one number t: an acceleration a_o = t u, or a load in proportion to
-the object's mass. Null motion and internal force are whatever serves best.
+the object's mass. Internal force is whatever serves best, and so are joint accelerations unless a
+`JointMotion` says which.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +20,19 @@ from copose.capability.contact_limits import WrenchBounds
 from copose.capability.linear_programs import TOLERANCE, maximise_first
 from copose.poses import Array, Indices, Mask
 
+# Relative: what counts as reached, or as independent.
 _RANK = 1e-9
+# Relative: singular values of a Jacobian below are none.
+_DEPENDENT = 1e-12
+_TINY = 1e-300
+
+
+class JointMotion(Enum):
+    """Which joint accelerations go with an acceleration of the object."""
+
+    FREE = "any: null motion is whatever serves best"
+    LEAST_NORM = "q̈_i = J_i⁺X_i a_o"
+    REST = "none; the object is at rest"
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,22 +43,22 @@ class Demand:
         motion: a_o = motion·[1, t], (m, 2), or one for each of many postures, (count, m, 2).
         load: what the contacts' wrenches come to on the object, load·[1, t], (b, 2), or alike; see
             `Space.balance`.
-        still: whether the arms are at rest too, q̈ = 0.
+        joints: the joint accelerations.
     """
 
     motion: Array
     load: Array
-    still: bool = False
+    joints: JointMotion
 
     @classmethod
     def each(cls, demands: Sequence[Demand]) -> Demand:
         """One for each of as many postures."""
         motion, load = ([getattr(d, part) for d in demands] for part in ("motion", "load"))
-        return cls(np.array(motion), np.array(load), demands[0].still)
+        return cls(np.array(motion), np.array(load), demands[0].joints)
 
     @classmethod
     def acceleration(cls, direction: Array, inertia: Array, weight: Array) -> Demand:
-        """T m/s² (or rad/s²) along a unit direction, and nothing else.
+        """The object at t m/s² (or rad/s²) along a unit direction, and nothing else.
 
         Args:
             direction: u, (m,).
@@ -53,31 +67,30 @@ class Demand:
         """
         nothing = np.zeros(len(direction))
         load = _padded(inertia @ direction, len(weight))
-        return cls(np.column_stack([nothing, direction]), np.column_stack([weight, load]))
+        motion = np.column_stack([nothing, direction])
+        return cls(motion, np.column_stack([weight, load]), JointMotion.FREE)
 
     @classmethod
-    def payload(
-        cls, inertia: Array, weight: Array, acceleration: Array, *, still: bool = False
-    ) -> Demand:
-        """T kg that accelerate so.
+    def payload(cls, inertia: Array, weight: Array, acceleration: Array) -> Demand:
+        """An object of t kg that accelerates so with least-norm joint accelerations, or rests.
 
         Args:
             inertia: M_o per kg, (m, m).
             weight: g_o per kg, (b,).
             acceleration: a_o, (m,).
-            still: whether the arms are at rest.
         """
         load = weight + _padded(inertia @ acceleration, len(weight))
         return cls(
             np.column_stack([acceleration, np.zeros(len(acceleration))]),
             np.column_stack([np.zeros(len(load)), load]),
-            still,
+            JointMotion.LEAST_NORM if acceleration.any() else JointMotion.REST,
         )
 
     @classmethod
     def holding(cls, m: int, weight: Array) -> Demand:
         """The object at rest in arms at rest, t without effect; weight g_o, (b,)."""
-        return cls(np.zeros((m, 2)), np.column_stack([weight, np.zeros(len(weight))]), still=True)
+        load = np.column_stack([weight, np.zeros(len(weight))])
+        return cls(np.zeros((m, 2)), load, JointMotion.REST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,15 +179,15 @@ class Dynamics:
         free, fixed = torques[:, :, 2:], torques[:, :, :1]
         normal = free.swapaxes(1, 2) @ free
         size = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-        normal += (_RANK * size + np.finfo(float).tiny) * np.eye(free.shape[2])
+        normal += (_RANK * size + _TINY) * np.eye(free.shape[2])
         x = _solved(normal, -free.swapaxes(1, 2) @ fixed)
         share = np.abs(fixed + free @ x)[:, :, 0].max(axis=1)
         held = self.bounds.matrix @ (wrenches[:, :, :1] + wrenches[:, :, 2:] @ x)
-        sound = self._exertable(demand) & (held[:, :, 0] <= self.bounds.bound).all(axis=1)
+        sound = self._exertable(demand) & (held[:, :, 0] <= 1.0).all(axis=1)
         return np.where(sound, share, np.inf)
 
     def inside(self, demand: Demand, part: float) -> tuple[Array, Array, Array]:
-        """T, q̈ and h of a demand met with a part of the torque limits: a place to start from.
+        """What meets a demand with a part of the torque limits: a place to start from.
 
         Returns:
             t, (count,), q̈, (count, N), and h, (count, Km), stacked over the arms; NaN where there
@@ -184,8 +197,14 @@ class Dynamics:
         given = np.concatenate([np.ones((len(x), 1)), x], axis=1)[:, :, None]
         return x[:, 0], (speeding @ given)[:, :, 0], (wrenches @ given)[:, :, 0]
 
+    def pulls(self, accelerations: Array) -> Array:
+        """Stacked y, (count, Km), with least-norm joint accelerations q̈ = Jᵀy, (count, N)."""
+        parts = zip(self.J, np.split(accelerations, self._edges, axis=1), strict=True)
+        return np.hstack([(np.linalg.pinv(J.swapaxes(1, 2)) @ q[:, :, None])[:, :, 0]
+                          for J, q in parts])  # fmt: skip
+
     def resting(self, demand: Demand) -> Array:
-        """H of the hold whose largest share is smallest, stacked, (count, Km)."""
+        """Wrenches h of the hold whose largest share is smallest, stacked, (count, Km)."""
         x, _ = maximise_first(*self._shared(demand))
         _, wrenches = self._maps(demand)
         given = np.concatenate([np.ones((len(x), 1)), 0 * x[:, :1], x[:, 1:]], axis=1)[:, :, None]
@@ -203,20 +222,20 @@ class Dynamics:
         """q̈, (count, N, 2 + d), and h, (count, Km, 2 + d), as linear in (1, t, d free numbers)."""
         count, K, m = len(self.M[0]), len(self.M), self.motion[0].shape[0]
         particular, internal = self._distribution
-        spare = [0 if demand.still else J.shape[2] - m for J in self.J]
+        spare = [J.shape[2] - m if demand.joints is JointMotion.FREE else 0 for J in self.J]
         free = sum(spare) + internal.shape[1]
         wrenches = np.zeros((count, K * m, 2 + free))
         wrenches[:, :, :2] = particular @ demand.load
         wrenches[:, :, 2 + sum(spare) :] = internal
         speeding = np.zeros((count, sum(J.shape[2] for J in self.J), 2 + free))
-        if not demand.still:
+        if demand.joints is not JointMotion.REST:
             row, column = 0, 2
             for J, X, d in zip(self.J, self.motion, spare, strict=True):
                 Q, R = np.linalg.qr(J.swapaxes(1, 2), mode="complete")
                 rows = slice(row, row + J.shape[2])
                 least = _solved(R[:, :m].swapaxes(1, 2), X @ demand.motion)
                 speeding[:, rows, :2] = Q[:, :, :m] @ least
-                speeding[:, rows, column : column + d] = Q[:, :, m:]
+                speeding[:, rows, column : column + d] = Q[:, :, m : m + d]
                 row, column = rows.stop, column + d
         return speeding, wrenches
 
@@ -238,7 +257,7 @@ class Dynamics:
         held = self.bounds.matrix @ wrenches
         A = np.concatenate([torques[:, :, 1:], -torques[:, :, 1:], held[:, :, 1:]], axis=1)
         b = np.concatenate(
-            [part - torques[:, :, 0], part + torques[:, :, 0], self.bounds.bound - held[:, :, 0]],
+            [part - torques[:, :, 0], part + torques[:, :, 0], 1.0 - held[:, :, 0]],
             axis=1,
         )
         sound = np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
@@ -256,7 +275,7 @@ class Dynamics:
         A = np.concatenate([torques[:, :, 1:], -torques[:, :, 1:], held[:, :, 1:]], axis=1)
         A[:, :, 0] = 1.0
         A[:, 2 * torques.shape[1] :, 0] = 0.0
-        b = [-torques[:, :, 0], torques[:, :, 0], self.bounds.bound - held[:, :, 0]]
+        b = [-torques[:, :, 0], torques[:, :, 0], 1.0 - held[:, :, 0]]
         return A, np.concatenate(b, axis=1)
 
     def _exertable(self, demand: Demand) -> Mask:
@@ -264,7 +283,7 @@ class Dynamics:
         particular, _ = self._distribution
         missed = np.hstack(self.balance) @ particular @ demand.load - demand.load
         largest = np.abs(demand.load).max(axis=(-2, -1))
-        return np.asarray(np.abs(missed).max(axis=(-2, -1)) <= _RANK * (1 + largest))
+        return np.asarray(np.abs(missed).max(axis=(-2, -1)) <= _RANK * largest)
 
     @cached_property
     def _distribution(self) -> tuple[Array, Array]:
@@ -283,52 +302,91 @@ class Dynamics:
         return self._optimum(demand, k, shared=True)
 
     def _optimum(self, demand: Demand, k: int, *, shared: bool) -> Extreme | None:
-        """By HiGHS (Q. Huangfu, J. A. J. Hall, 2018), in all unknowns: no pseudoinverse.
+        """By HiGHS (Q. Huangfu, J. A. J. Hall, 2018), in t, the shares τ/T, and the wrenches.
 
-        Unknowns are t, the joint accelerations over a typical size of theirs, and the wrenches.
+        Limits of whatever size are then ±1, and the rows of all equations of one size too.
         """
         from scipy.linalg import block_diag
         from scipy.optimize import linprog
 
         M, J = (block_diag(*(part[k] for part in parts)) for parts in (self.M, self.J))
         g, T = np.concatenate([part[k] for part in self.g]), np.concatenate(self.limits)
-        X, P = np.vstack(self.motion), np.hstack(self.balance)
+        P = np.hstack(self.balance)
         N, Km, b = len(M), len(J), len(P)
-        quick = np.maximum(np.abs(np.diag(M)), 1e-12)
-        torque = np.hstack([np.zeros((N, 1)), M / quick, J.T]) / T[:, None]
-        held = np.hstack([np.zeros((len(self.bounds.bound), 1 + N)), self.bounds.matrix])
-        upper, lower = torque.copy(), -torque
-        right = np.concatenate([np.full(2 * N, 0.0 if shared else 1.0), self.bounds.bound])
-        right[:N] -= g / T
-        right[N : 2 * N] += g / T
+        reached = np.vstack(self.motion) @ demand.motion
+        free, speeds = demand.joints is JointMotion.FREE, np.zeros((N, 2))
+        if free:
+            # J q̈ = X a_o with q̈ = M⁻¹(τ − g − Jᵀh).
+            back = np.linalg.solve(M, J.T).T
+            rows, right = [-reached[:, 1:], back * T, -back @ J.T], reached[:, 0] + back @ g
+        else:
+            # τ = M q̈ + g + Jᵀh with q̈ as the motion of the object has it.
+            speeds[:] = np.linalg.lstsq(J, reached, rcond=_DEPENDENT)[0]
+            if np.abs(J @ speeds - reached).max() > _RANK * np.abs(reached).max():
+                return None
+            inertial = M @ speeds
+            rows, right = [-inertial[:, 1:], np.diag(T), -J.T], inertial[:, 0] + g
+        balance = np.hstack([-demand.load[:, 1:], np.zeros((b, N)), P])
+        right = np.concatenate([right, demand.load[:, 0]])
+        beside = self.bounds.matrix
+        left, right, sizes = _evened(np.vstack([np.hstack(rows), balance]), right, beside, N)
+        # The least share is in proportion to what is to be held.
+        whole = max(float(np.abs(right).max()), _TINY) if shared else 1.0
+        held = np.hstack([np.zeros((len(beside), 1 + N)), beside * sizes[1 + N :]])
+        above, bound = [held], [np.full(len(beside), 1 / whole)]
+        limits = [(-np.inf, np.inf)] + [(-1.0, 1.0)] * N + [(-np.inf, np.inf)] * Km
         if shared:
-            upper[:, 0] = lower[:, 0] = -1.0
-        together = np.zeros((Km + b, 1 + N + Km))
-        together[:Km, 1 : 1 + N] = J / quick
-        together[Km:, 1 + N :] = P
-        wanted = np.concatenate([X @ demand.motion[:, 0], demand.load[:, 0]])
-        if not shared:
-            together[:, 0] = -np.concatenate([X @ demand.motion[:, 1], demand.load[:, 1]])
-        free: list[tuple[float, float]] = [(-np.inf, np.inf)] * (1 + N + Km)
-        if demand.still:
-            free[1 : 1 + N] = [(0.0, 0.0)] * N
-            together, wanted = together[Km:], wanted[Km:]
+            limits[1 : 1 + N] = [(-np.inf, np.inf)] * N
+            left[:, 0] = 0.0
+            for sign in (1.0, -1.0):
+                rest = sign * np.eye(N), np.zeros((N, Km))
+                above.append(np.hstack([np.full((N, 1), -1.0), *rest]))
+                bound.append(np.zeros(N))
         cost = np.zeros(1 + N + Km)
         cost[0] = 1.0 if shared else -1.0
         found = linprog(
-            cost, np.vstack([upper, lower, held]), right, together, wanted, free,
+            cost, np.vstack(above), np.concatenate(bound), left, right / whole, limits,
             method="highs",
             options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
         )  # fmt: skip
         if found.x is None or not found.success:
             return None
-        speeds, h = found.x[1 : 1 + N] / quick, found.x[1 + N :]
+        x = found.x * whole
+        t, h = x[0] * (1.0 if shared else sizes[0]), x[1 + N :] * sizes[1 + N :]
+        torques = x[1 : 1 + N] * T
+        speeding = speeds @ [1.0, t]
+        if free:
+            speeding = np.linalg.solve(M, torques - g - J.T @ h)
         return Extreme(
-            value=float(found.x[0]) + 0.0,
-            torques=tuple(np.split(M @ speeds + g + J.T @ h, self._edges)),
+            value=float(t) + 0.0,
+            torques=tuple(np.split(torques, self._edges)),
             wrenches=tuple(np.split(h, len(self.M))),
-            accelerations=tuple(np.split(speeds, self._edges)),
+            accelerations=tuple(np.split(speeding, self._edges)),
         )
+
+
+def _evened(left: Array, right: Array, beside: Array, shares: int) -> tuple[Array, Array, Array]:
+    """Equations left·x = right in (t, shares, wrenches), each and each variable over its size.
+
+    Args:
+        left: (rows, 1 + shares + Km).
+        right: (rows,).
+        beside: rows of bounds on the wrenches that are at most 1, (count, Km).
+        shares: how many there are, whose size stays.
+
+    Returns:
+        Left and right sides, and the sizes of the variables, (1 + shares + Km,).
+    """
+    sizes, first = np.ones(left.shape[1]), 1 + shares
+    pushed = np.abs(left[:, 1:first]).max(axis=1)
+    pushed[pushed == 0.0] = np.inf
+    largest = np.vstack([np.abs(left[:, first:]) / pushed[:, None], np.abs(beside)]).max(axis=0)
+    sizes[first:] = 1 / np.maximum(largest, _TINY)
+    scale = np.abs(left[:, 1:] * sizes[1:]).max(axis=1)
+    scale[scale == 0.0] = 1.0
+    left, right = left / scale[:, None], right / scale
+    sizes[0] = 1 / max(float(np.abs(left[:, 0]).max()), _TINY)
+    return left * sizes, right, sizes
 
 
 def _padded(vector: Array, size: int) -> Array:

@@ -14,7 +14,7 @@ from copose.paths.journey import Journey
 from copose.paths.obstruction import Obstruction
 from copose.paths.tracking import tracked
 from copose.planning.machinery import Machinery
-from copose.planning.notes import standing_notes
+from copose.planning.notes import extreme_notes, standing_notes
 from copose.poses import Array
 from copose.problem import PathSpec, Problem
 from copose.results import (
@@ -84,6 +84,7 @@ class Answer:
         names = [arm.name for arm in self.machinery.cell.arms]
         knots, values = [], []
         notes: list[str] = []
+        extremes = []
         for k, setting in enumerate(course.settings):
             measured = self.machinery.measure(setting, [mine[k] for mine in q])
             posture = measured.posture
@@ -91,6 +92,7 @@ class Answer:
             given.pop("capsules", None)
             values.append(measured.value)
             notes += measured.notes
+            extremes.append(measured.extremes)
             knots.append(
                 Knot(
                     **given,
@@ -102,6 +104,7 @@ class Answer:
                     else self._by_arm(names, driven.torques, k),
                 )
             )
+        notes += extreme_notes(self.machinery.cell, extremes)
         if driven.torques is None and not self.machinery.cell.weightless:
             notes.append("no contact wrenches carry the object as it moves: there are no torques")
         step = duration / (len(course) - 1)

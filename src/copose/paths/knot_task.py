@@ -8,14 +8,14 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from copose.capability.contact_limits import WrenchBounds
 from copose.kernels import Kernel
 from copose.paths.torques import exertable
+from copose.planning.capacity import Capacity
 from copose.planning.cell import Cell
 from copose.planning.clearance import Apart
 from copose.planning.constraints import Constraint, closure_constraints, equality
 from copose.planning.limits_measures import LimitsMeasure
-from copose.planning.limits_program import holding_addition, limits_addition
+from copose.planning.limits_program import holding_addition, kept_bounds, limits_addition
 from copose.planning.objectives import EllipsoidMeasure, Objective
 from copose.poses import Array, Indices
 
@@ -80,7 +80,7 @@ class KnotTask:
         cell: Cell,
         objective: Objective,
         numbers: int,
-        bounds: WrenchBounds | None,
+        capacity: Capacity | None,
         kept_apart: Apart | None,
         form: Form,
     ) -> None:
@@ -90,7 +90,7 @@ class KnotTask:
             cell: whose arms they are.
             objective: what is maximised.
             numbers: how many parameters it has.
-            bounds: on contact wrenches, where torque limits matter.
+            capacity: what torque limits allow, where they matter.
             kept_apart: what may not touch.
             form: which program.
         """
@@ -105,12 +105,14 @@ class KnotTask:
         parts: dict[str, ca.SX] = {"q": system.q}
         value = ca.SX(0)
         if form.common in (None, "level"):
-            value, beside, more = _objective(cell, objective, symbols, bounds, rounded=form.rounded)
+            value, beside, more = _objective(
+                cell, objective, symbols, capacity, rounded=form.rounded
+            )
             parts["beside"] = beside
             constraints += more
         if problem.constraints.static_torque and not form.loose:
-            assert bounds is not None and cell.torque_limits is not None
-            hold = holding_addition(system, cell.torque_limits, bounds)
+            assert capacity is not None
+            hold = holding_addition(system, capacity)
             parts["hold"] = hold.variables
             constraints += hold.constraints
         stretch = ca.SX.sym("stretch") if form.shortest else ca.SX(1)
@@ -122,7 +124,7 @@ class KnotTask:
             parts |= {"slopes": slopes, "bends": bends}
             span = duration * stretch
             wrenches, more = _driven(
-                cell, slopes / span, bends / span**2, inertial / span**2, bounds
+                cell, slopes / span, bends / span**2, inertial / span**2, capacity
             )
             parts["wrenches"] = wrenches
             constraints += more
@@ -243,7 +245,7 @@ def _objective(
     cell: Cell,
     objective: Objective,
     symbols: ca.SX,
-    bounds: WrenchBounds | None,
+    capacity: Capacity | None,
     *,
     rounded: bool,
 ) -> tuple[ca.SX, ca.SX, list[Constraint]]:
@@ -261,14 +263,14 @@ def _objective(
         # With kinks the logarithm is maximised of a posture; a mean is of the values themselves.
         value = ca.exp(formulation.value) if objective.kinked else formulation.value
         return value, formulation.extra, more
-    assert isinstance(objective, LimitsMeasure) and bounds is not None
-    addition = limits_addition(system, objective, symbols, bounds)
+    assert isinstance(objective, LimitsMeasure) and capacity is not None
+    addition = limits_addition(system, objective, symbols, capacity)
     assert addition.value is not None
     return addition.value, addition.variables, list(addition.constraints)
 
 
 def _driven(
-    cell: Cell, rates: ca.SX, accelerations: ca.SX, inertial: ca.SX, bounds: WrenchBounds | None
+    cell: Cell, rates: ca.SX, accelerations: ca.SX, inertial: ca.SX, capacity: Capacity | None
 ) -> tuple[ca.SX, list[Constraint]]:
     """Accelerations within their limits; with ``dynamic_torque`` torques too, by some wrenches."""
     system, problem = cell.system, cell.problem
@@ -282,7 +284,7 @@ def _driven(
         constraints.append(Constraint(f"accelerations{OVER}", share, -one, one, "1"))
     if not problem.constraints.dynamic_torque:
         return ca.SX(0, 1), constraints
-    assert bounds is not None and cell.torque_limits is not None
+    assert capacity is not None
     rows = 2 if system.space.planar else 3
     weight = -system.object.mass * ca.DM(system.gravity[:rows])
     balance = -inertial
@@ -295,17 +297,15 @@ def _driven(
         torque, _ = arm.driven(acceleration, coupling.fall, h, rate)
         balance += coupling.balance @ h
         wrenches.append(h)
-        shares.append(torque / ca.DM(cell.torque_limits[i]))
+        shares.append(torque / ca.DM(capacity.limits[i]))
     share = ca.vertcat(*shares)
     one = np.ones(share.numel())
     constraints += [
         Constraint(f"torques{OVER}", share, -one, one, "1"),
         equality(BALANCE, balance, "N, N·m"),
     ]
-    if len(bounds.bound):
-        held = ca.DM(bounds.matrix) @ ca.vertcat(*wrenches)
-        open_ = np.full(len(bounds.bound), -np.inf)
-        constraints.append(Constraint("contact wrenches", held, open_, bounds.bound, "N"))
+    if len(capacity.bounds.matrix):
+        constraints.append(kept_bounds("contact wrenches", capacity.bounds, ca.vertcat(*wrenches)))
     return ca.vertcat(*wrenches), constraints
 
 

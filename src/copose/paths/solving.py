@@ -129,7 +129,7 @@ class Solver:
                 machinery.cell,
                 machinery.objective,
                 self._numbers,
-                None if capacity is None else capacity.bounds,
+                capacity,
                 Apart(slots) if slots else None,
                 form,
             )

@@ -55,8 +55,8 @@ def started(
             y[k, slices["beside"]] = _beside(machinery, setting, here, wanted, slack)
         if "hold" in slices:
             assert machinery.capacity is not None and setting.holding is not None
-            dynamics = machinery.capacity.dynamics(setting.holding, machinery.split(here))
-            y[k, slices["hold"]] = dynamics.resting(setting.holding.hold)[0]
+            parts = machinery.split(here)
+            y[k, slices["hold"]] = machinery.capacity.resting(setting.holding, parts)[0]
     if "slopes" in slices:
         y[:, slices["slopes"]] = slopes(q, 1.0 / (n - 1))
         y[:, slices["bends"]] = bends(q, 1.0 / (n - 1))

@@ -17,7 +17,7 @@ from copose.planning.machinery import Machinery
 from copose.planning.objectives import EllipsoidMeasure
 from copose.poses import Array, Indices, Mask
 
-_UNHELD = -1e8
+_UNHELD = -1e299
 # Postures of an arm, and pairs, of a layer whose bodies are measured where capsules are too near.
 _MEASURED, _MEASURED_PAIRS = 24, 64
 # What it costs to hold the object with more than the torque limits, by the excess squared: routes

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from copose.capability import Ellipsoid
+from copose.capability import Ellipsoid, ExactSet
 from copose.capability.torque_limits import Dynamics, Extreme
 from copose.planning.capacity import HELD, Capacity, Holding
 from copose.planning.cell import Cell
@@ -27,12 +27,14 @@ from copose.results import (
 
 @dataclass(eq=False)
 class Allowances:
-    """Parts of a posture's record, with the objective's value where limits decide it, and notes."""
+    """Parts of a posture's record, with the objective's value where limits decide it, notes, and
+    the extremes by name.
+    """
 
     keys: dict[str, Any] = field(default_factory=dict)
     value: float | None = None
     notes: list[str] = field(default_factory=list)
-    wrenches: dict[str, dict[str, WrenchRecord]] = field(default_factory=dict)
+    extremes: dict[str, Extreme] = field(default_factory=dict)
 
 
 class Allowance:
@@ -56,8 +58,6 @@ class Allowance:
             self._objective(cell, holding, objective, q, found)
         if self._static or isinstance(objective, LimitsMeasure):
             self._hold(cell, holding, self._dynamics(holding, q), found)
-        if found.wrenches:
-            found.keys["wrenches"] = found.wrenches
         return found
 
     def all(self, cell: Cell, q: Sequence[Array]) -> Allowances:
@@ -78,9 +78,7 @@ class Allowance:
                 name = f"acceleration {word}{space.coordinates[axis]}"
                 records.append(self._acceleration(cell, holding, dynamics, u, name, found))
         found.keys["accelerations"] = tuple(records)
-        self._exact_sets(cell, q, found)
-        if found.wrenches:
-            found.keys["wrenches"] = found.wrenches
+        self._exact_sets(cell, holding, q, found)
         return found
 
     def _dynamics(self, holding: Holding, q: Sequence[Array]) -> Dynamics:
@@ -114,6 +112,7 @@ class Allowance:
                 found.notes.append("residual_radius unknown: the equations of motion are singular")
             else:
                 found.value = exact.residual_radius
+                self._touching(cell, holding, q, exact, found)
             found.keys["residual_radius"] = found.value
         if found.value is None:
             found.notes.append(
@@ -145,7 +144,8 @@ class Allowance:
         value = None
         if np.any(cell.system.gravity):
             extreme = dynamics.extreme(holding.payload(acceleration))
-            self._state(cell, holding, "payload", extreme, found)
+            moving = bool(np.any(acceleration))
+            self._state(cell, holding, "payload", extreme, found, moving=moving)
             value = None if extreme is None else extreme.value
             if extreme is None:
                 found.notes.append("payload unknown: no mass can be held here, or any mass")
@@ -158,7 +158,7 @@ class Allowance:
 
     def _hold(self, cell: Cell, holding: Holding, dynamics: Dynamics, found: Allowances) -> None:
         extreme = dynamics.hold(holding.hold)
-        self._state(cell, holding, "hold", extreme, found)
+        self._state(cell, holding, "hold", extreme, found, moving=False)
         if extreme is None:
             found.keys["static_torque"] = None
             found.notes.append("no contact wrenches within their limits hold the object here")
@@ -171,12 +171,15 @@ class Allowance:
         shares = zip(cell.arms, extreme.torques, self.capacity.limits, strict=True)
         found.keys["static_torque"] = {arm.name: vector(np.abs(t) / T) for arm, t, T in shares}
 
-    def _exact_sets(self, cell: Cell, q: Sequence[Array], found: Allowances) -> None:
+    def _exact_sets(
+        self, cell: Cell, holding: Holding, q: Sequence[Array], found: Allowances
+    ) -> None:
         space, records = cell.system.space, {}
         for name, kind in (("linear", space.linear), ("angular", space.angular)):
             axes = [axis for axis in cell.problem.axes if axis in kind]
             exact = self.capacity.exact_set(cell, q, axes) if axes else None
             if exact is not None:
+                self._touching(cell, holding, q, exact, found)
                 ball = Ellipsoid.from_factor(np.linalg.pinv(exact.generators), exact.center)
                 records[name] = ExactSetRecord(
                     ellipsoid=EllipsoidRecord.of(ball.section(axes)),
@@ -193,6 +196,26 @@ class Allowance:
             found.notes.append("residual_radius is of axes of one kind; see exact_sets for both")
         found.keys["residual_radius"] = radius
 
+    def _touching(
+        self,
+        cell: Cell,
+        holding: Holding,
+        q: Sequence[Array],
+        exact: ExactSet,
+        found: Allowances,
+    ) -> None:
+        """The extreme that limits the ball around rest in an exact set."""
+        space, u = cell.system.space, np.zeros(cell.system.space.m)
+        if exact.weakest is None:
+            return
+        u[list(exact.axes)] = exact.weakest
+        free = holding.forces_alone
+        dynamics = self.capacity.dynamics(free, [mine[None] for mine in q], bounded=False)
+        extreme = dynamics.extreme(free.acceleration(u))
+        if extreme is not None:
+            kind = "linear" if exact.axes[0] in space.linear else "angular"
+            self._moved(cell, f"residual radius, {kind}", extreme, found)
+
     def _state(
         self,
         cell: Cell,
@@ -200,17 +223,31 @@ class Allowance:
         name: str,
         extreme: Extreme | None,
         found: Allowances,
+        *,
+        moving: bool = True,
     ) -> None:
-        """The contact wrenches of an extreme, in world axes, with their internal parts."""
+        """The contact wrenches of an extreme, in world axes, with their internal parts, and its
+        joint accelerations where joints move.
+        """
         if extreme is None:
             return
+        found.extremes[name] = extreme
+        if moving:
+            self._moved(cell, name, extreme, found)
         K, m = len(cell.arms), cell.system.space.m
         grasps = [P[:m] @ R.T for P, R in zip(holding.balance, holding.turns, strict=True)]
         wrenches = [R @ h for R, h in zip(holding.turns, extreme.wrenches, strict=True)]
         total = np.sum([W @ h for W, h in zip(grasps, wrenches, strict=True)], axis=0)
-        found.wrenches[name] = {
+        found.keys.setdefault("wrenches", {})[name] = {
             arm.name: WrenchRecord(
                 wrench=vector(h), internal=vector(h - np.linalg.solve(W, total) / K)
             )
             for arm, h, W in zip(cell.arms, wrenches, grasps, strict=True)
+        }
+
+    def _moved(self, cell: Cell, name: str, extreme: Extreme, found: Allowances) -> None:
+        found.extremes[name] = extreme
+        accelerations = zip(cell.arms, extreme.accelerations, strict=True)
+        found.keys.setdefault("joint_accelerations", {})[name] = {
+            arm.name: vector(part) for arm, part in accelerations
         }

@@ -10,7 +10,7 @@ import numpy as np
 from copose.planning.cell import Cell
 from copose.planning.freedom import Freedom
 from copose.planning.measuring import Measurement
-from copose.planning.notes import standing_notes
+from copose.planning.notes import extreme_notes, standing_notes
 from copose.planning.objectives import Objective
 from copose.planning.placing import Placed
 from copose.results import (
@@ -75,6 +75,8 @@ def answer(
             each = [case.measured for case in measured.cases]
         said = [note for one in each for note in one.notes]
         notes += tuple(f"{when}: {note}" for note in dict.fromkeys(said))
+        if when == "after":
+            notes += extreme_notes(cell, [one.extremes for one in each])
     return Solution(
         copose=__version__,
         problem=ProblemRecord(

@@ -15,9 +15,13 @@ from copose.kernels import Kernel
 from copose.planning.cell import Cell
 from copose.planning.parts import Parts
 from copose.poses import Array
+from copose.robots import finite_range
 
 # What a torque may be over its limit, as a share of it, where an object is to be held.
 HELD = 1e-6
+# Postures of an arm that tell typical sizes, and what an arm has to resist at least.
+_POSTURES = 8
+_LIGHTEST = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +50,9 @@ class Holding:
         """The object is accelerated along a direction, (m,)."""
         return Demand.acceleration(direction, self.inertia, self.weight)
 
-    def payload(self, acceleration: Array, *, still: bool = False) -> Demand:
-        """Any mass of the same shape is accelerated so, (m,)."""
-        per_kg = self.inertia / self.mass, self.weight / self.mass
-        return Demand.payload(*per_kg, acceleration, still=still)
+    def payload(self, acceleration: Array) -> Demand:
+        """Any mass of the same shape is accelerated so, (m,), or held at rest."""
+        return Demand.payload(self.inertia / self.mass, self.weight / self.mass, acceleration)
 
     @property
     def forces_alone(self) -> Holding:
@@ -69,6 +72,10 @@ class Capacity:
 
     Attributes:
         limits: T by arm, (n,).
+        kernels: what evaluates them.
+        bounds: on the contact wrenches.
+        sizes: typical joint accelerations and contact wrenches by arm, such as torques of their
+            limits' size make, by which programs scale their variables.
     """
 
     def __init__(self, cell: Cell, limits: Sequence[Array]) -> None:
@@ -109,6 +116,20 @@ class Capacity:
             [(arm.grip.force, arm.grip.moment) for arm in cell.problem.arms],
             cell.problem.constraints.internal_force,
         )
+        self.sizes = self._sizes(cell)
+
+    def _sizes(self, cell: Cell) -> tuple[Array, Array]:
+        rng, sizes = np.random.default_rng(0), []
+        nothing = np.zeros(3)
+        for arm, kernel, T in zip(cell.arms, self._arms, self.limits, strict=True):
+            q = rng.uniform(*finite_range(arm.lower, arm.upper), (_POSTURES, arm.n))
+            M, J, _ = _parts(kernel(q, nothing), arm.n, self._m)
+            # Over the least limit, so that no square is out of range.
+            shares = (part * (T.min() / T) for part in (M, J))
+            norms = [np.sqrt(np.mean(np.square(part).sum(axis=2))) for part in shares]
+            sizes.append([T.min() / max(float(norm), _LIGHTEST) for norm in norms])
+        fast, strong = np.array(sizes).T
+        return fast, strong
 
     def holding(self, cell: Cell) -> Holding:
         """Where a cell's object is, and how heavy."""
@@ -141,14 +162,20 @@ class Capacity:
             q: the postures.
             bounded: whether contact wrenches have limits.
         """
-        M, J, g = [], [], []
+        parts = []
         for kernel, fall, mine in zip(self._arms, holding.falls, q, strict=True):
-            n, m = mine.shape[1], self._m
-            values = kernel(mine, fall)
-            M.append(values[:, : n * n].reshape(-1, n, n))
-            J.append(values[:, n * n : n * n + m * n].reshape(-1, m, n))
-            g.append(values[:, n * n + m * n :])
+            parts.append(_parts(kernel(mine, fall), mine.shape[1], self._m))
+        M, J, g = zip(*parts, strict=True)
         bounds = self.bounds if bounded else self.bounds.none
-        return Dynamics(
-            tuple(M), tuple(J), tuple(g), holding.motion, holding.balance, self.limits, bounds
-        )
+        return Dynamics(M, J, g, holding.motion, holding.balance, self.limits, bounds)
+
+    def resting(self, holding: Holding, q: Sequence[Array]) -> Array:
+        """Where variables that hold an object start, see `holding_addition`, (count, Km)."""
+        wrenches = self.dynamics(holding, q).resting(holding.hold)
+        return wrenches / np.repeat(self.sizes[1], self._m)
+
+
+def _parts(values: Array, n: int, m: int) -> tuple[Array, Array, Array]:
+    """M, J and g of what a kernel says of postures, (count, n² + m n + n)."""
+    M, J, g = np.split(values, [n * n, n * n + m * n], axis=1)
+    return M.reshape(-1, n, n), J.reshape(-1, m, n), g

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from copose.planning.cell import Cell
-from copose.planning.limits_measures import HeldMass
+from copose.planning.limits_measures import Payload
 from copose.planning.machinery import Machinery
 from copose.planning.search import EFFORTS, search
 from copose.poses import Array
@@ -34,7 +34,8 @@ def heaviest(cell: Cell, seed: int) -> Heaviest:
     assert cell.torque_limits is not None
     constraints = cell.problem.constraints.model_copy(update={"static_torque": False})
     free = cell.under(constraints)
-    machinery = Machinery(free, HeldMass(cell.torque_limits, cell.problem.space))
+    rest = np.zeros(cell.problem.space.m)
+    machinery = Machinery(free, Payload(cell.torque_limits, rest, cell.problem.space))
     setting = machinery.setting(free)
     found = search(machinery, setting, seed, EFFORTS["normal"], lambda what, done: None)
     nothing = "no posture holds the object at rest within the torque limits"

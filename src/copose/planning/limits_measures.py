@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from copose.capability import HoldingTorque, Sums, TorqueReach
-from copose.capability.torque_limits import Demand, Dynamics
+from copose.capability.torque_limits import Demand, Dynamics, JointMotion
 from copose.planning.capacity import Capacity, Holding
 from copose.planning.cell import Cell
 from copose.planning.objectives import Objective
@@ -27,6 +27,8 @@ from copose.problem import Space
 _INSIDE, _SAME_NORMAL = 0.9, 0.99
 # Directions by which postures are compared at first, and that a program has.
 _COMPARED, _PROGRAMMED = 8, 6
+# m/s², a typical acceleration of free fall.
+_FALL = 9.81
 # By how much a facet has to be nearer than every demand, relative, to be one itself.
 _AS_NEAR = 1e-9
 
@@ -42,8 +44,8 @@ class LimitsMeasure(Objective):
     """
 
     balanced = True
-    still: ClassVar[bool] = False
-    """Whether the arms are at rest."""
+    joints: JointMotion = JointMotion.FREE
+    """Which joint accelerations its demands have."""
     dear: ClassVar[bool] = False
     """Whether a climb takes many programs."""
 
@@ -59,6 +61,10 @@ class LimitsMeasure(Objective):
         """An objective on torque limits by arm, (n,)."""
         super().__init__(kind, unit, TorqueReach() if sums is None else sums, limits)
         self.programmed, self.space = count, space
+
+    def size(self, capacity: Capacity) -> float:
+        """A typical t: an acceleration."""
+        return float(capacity.sizes[0].max())
 
     @abstractmethod
     def demands(self, holding: Holding) -> tuple[Demand, ...]:
@@ -137,7 +143,8 @@ class LimitsMeasure(Objective):
     ) -> Array:
         """Where the variables of programs start at postures, by arm (count, n_i); (count, v).
 
-        Inside the torque limits where that can be: an interior-point method starts there.
+        Inside the torque limits where that can be: an interior-point method starts there. Each
+        over a typical size, see `limits_addition`.
         """
         count, many = len(demands), len(demands[0])
         here = self._dynamics(capacity, holding, q)
@@ -147,8 +154,22 @@ class LimitsMeasure(Objective):
         lost = ~np.isfinite(found[:, 0])
         if lost.any():
             found[lost] = np.column_stack(every.inside(each, 1.0))[lost]
-        if self.still:
-            found = np.delete(found, np.s_[1 : 1 + here.n_joints], axis=1)
+        t, accelerations, wrenches = np.split(found, [1, 1 + here.n_joints], axis=1)
+        if self.joints is JointMotion.LEAST_NORM:
+            accelerations = every.pulls(accelerations)
+        elif self.joints is JointMotion.REST:
+            accelerations = accelerations[:, :0]
+        fast, strong = capacity.sizes
+        counts = [len(T) for T in capacity.limits]
+        if self.joints is not JointMotion.FREE:
+            counts = [accelerations.shape[1] // len(counts)] * len(counts)
+        found = np.hstack(
+            [
+                t / self.size(capacity),
+                accelerations / np.repeat(fast, counts),
+                wrenches / np.repeat(strong, self.space.m),
+            ]
+        )
         found = found.reshape(count, many, -1)
         stacked = found.reshape(count, -1)
         least = found[:, :, 0].min(axis=1, keepdims=True)
@@ -179,39 +200,35 @@ class Acceleration(LimitsMeasure):
 
 
 class Payload(LimitsMeasure):
-    """The largest mass that can be held still, or accelerated in a certain way."""
+    """The largest mass held with every joint at rest, or accelerated in a certain way with the
+    least-norm joint accelerations.
+    """
 
     def __init__(self, limits: Sequence[Array], acceleration: Array, space: Space) -> None:
         """With a_o, (m,)."""
-        super().__init__("payload", "kg", limits, 1, space)
         self.acceleration = acceleration
+        self.joints = JointMotion.LEAST_NORM if acceleration.any() else JointMotion.REST
+        sums = HoldingTorque(moving=self.joints is JointMotion.LEAST_NORM)
+        super().__init__("payload", "kg", limits, 1, space, sums)
 
     def demands(self, holding: Holding) -> tuple[Demand, ...]:
         """Any mass."""
         return (holding.payload(self.acceleration),)
 
+    def size(self, capacity: Capacity) -> float:
+        """A mass that weighs as much as an arm can push with."""
+        return float(capacity.sizes[1].max() / _FALL)
+
     def carried(self, motion: ca.SX, mass: ca.SX) -> ca.SX:
         """The acceleration, per kg, in proportion to t."""
         return ca.horzcat(ca.SX(motion.shape[0], 1), motion[:, 0] / mass)
 
-
-class HeldMass(LimitsMeasure):
-    """The largest mass that arms at rest hold."""
-
-    still = True
-
-    def __init__(self, limits: Sequence[Array], space: Space) -> None:
-        """No parameters."""
-        super().__init__("held mass", "kg", limits, 1, space, HoldingTorque())
-
-    def demands(self, holding: Holding) -> tuple[Demand, ...]:
-        """Any mass."""
-        return (holding.payload(np.zeros(self.space.m), still=True),)
-
     def score(self, sums: ca.SX, M_o: ca.SX, numbers: ca.SX, axes: Sequence[int]) -> ca.SX:
         """With the box of torques taken for an ellipsoid."""
-        ((_, load),) = self.parted(numbers)
-        return HoldingTorque.farthest(sums, load, sum(len(scale) for scale in self.scales))
+        ((motion, load),) = self.parted(numbers)
+        total = sum(len(scale) for scale in self.scales)
+        moving = motion[:, 0] if self.joints is JointMotion.LEAST_NORM else None
+        return HoldingTorque.farthest(sums, load, total, moving)
 
 
 class AllRound(LimitsMeasure):

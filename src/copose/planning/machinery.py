@@ -191,14 +191,13 @@ class Machinery:
         """
         key = places is not None, slots
         if key not in self._built:
-            bounds = None if self.capacity is None else self.capacity.bounds
             numbers = self._numbers
             if isinstance(self.objective, LimitsMeasure) and self._nominal is not None:
                 demands = self.objective.demands(self._nominal)[: self.objective.programmed]
                 numbers = len(self.objective.numbers(demands))
             apart = Apart(slots) if slots else None
             self._built[key] = PostureProgram(
-                self.cell, self.objective, numbers, bounds, places, apart
+                self.cell, self.objective, numbers, self.capacity, places, apart
             )
         return self._built[key]
 
@@ -555,8 +554,7 @@ class Machinery:
                 numbers = [objective.numbers(wanted) for wanted in demands]
                 beside.append(objective.starts(self.capacity, holding, parts, demands))
             if self.static:
-                dynamics = self.capacity.dynamics(holding, parts)
-                beside.append(dynamics.resting(holding.hold))
+                beside.append(self.capacity.resting(holding, parts))
         return numbers, np.hstack(beside)
 
     def demands(self, setting: Setting, q: Array) -> list[tuple[Demand, ...]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from copose.capability import RESOLUTIONS, Ellipsoid, forward_dynamics
+from copose.capability.torque_limits import Extreme
 from copose.planning.aims import objective_of
 from copose.planning.allowances import Allowance, Allowances
 from copose.planning.capacity import Capacity
@@ -26,6 +27,8 @@ from copose.results import ArmRecord, EllipsoidRecord, Posture, frame, matrix, p
 # Below this ratio of singular values a Jacobian counts as rank-deficient: nothing that a
 # pseudoinverse says of such a direction would be known to a single digit.
 RANK_TOLERANCE = 1e-12
+# Keys of a posture that only torque limits on all joints make known.
+_LIMITED = ("payload", "static_torque", "residual_radius", "wrenches", "joint_accelerations")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +40,14 @@ class Measurement:
         ellipsoid: the system's, None where its volume is zero.
         value: the objective's, None where there is none.
         notes: why numbers are missing.
+        extremes: of what torque limits allow, by name.
     """
 
     posture: Posture
     ellipsoid: Ellipsoid | None
     value: float | None
     notes: tuple[str, ...]
+    extremes: Mapping[str, Extreme]
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +220,7 @@ class Meter:
                 (factor,) = self._form(np.concatenate(joints), cell.parameters)
                 measured = sliced(cell, ellipsoid_of(factor))
             value = None if measured is None else self.objective.of(measured)
-        return Measurement(posture, ellipsoid, value, tuple(notes))
+        return Measurement(posture, ellipsoid, value, tuple(notes), allowed.extremes)
 
     def _allowed(self, cell: Cell, joints: Sequence[Array], everything: bool) -> Allowances:
         if not everything:
@@ -226,7 +231,7 @@ class Meter:
             return self._allowance.asked(cell, joints)
         if self._allowance is None:
             found = Allowances(
-                keys=dict.fromkeys(("payload", "static_torque", "residual_radius", "wrenches")),
+                keys=dict.fromkeys(_LIMITED),
                 notes=[]
                 if cell.weightless
                 else ["what torque limits allow is unknown: not every joint has one"],

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from copose.capability.torque_limits import Extreme
 from copose.planning.cell import Cell
 from copose.poses import Array
 
+# Joint accelerations, rad/s² or m/s², that no robot's joint lasts at.
+_QUICK = 100.0
 # Torque limits from here on, N·m or N, are more than an arm's joint has.
 _HUGE_EFFORT = 1000.0
 
@@ -120,3 +123,43 @@ def margin_notes(cell: Cell, joints: Sequence[Array]) -> tuple[str, ...]:
         for arm, q, lower, upper in parts
         if np.any((q < lower) | (q > upper))
     )
+
+
+def extreme_notes(cell: Cell, postures: Sequence[Mapping[str, Extreme]]) -> tuple[str, ...]:
+    """What to know of extremes that torque limits allow, by name, at each of some postures."""
+    extremes = [each for posture in postures for each in posture.items()]
+    return (*_quick_notes(cell, extremes), *_contact_notes(cell, extremes))
+
+
+def _quick_notes(cell: Cell, extremes: Sequence[tuple[str, Extreme]]) -> list[str]:
+    """How far joints are from what they do on the way of the object."""
+    joints = [(arm.name, joint) for arm in cell.arms for joint in arm.joints]
+    moved = [(name, np.abs(np.concatenate(each.accelerations))) for name, each in extremes]
+    quick = [(name, sizes) for name, sizes in moved if sizes.max() > _QUICK]
+    if not quick:
+        return []
+    name, sizes = max(quick, key=lambda each: float(each[1].max()))
+    arm, joint = joints[int(sizes.argmax())]
+    unit = "m/s²" if joint.kind == "prismatic" else "rad/s²"
+    counted = f" and {len(quick) - 1} more" if len(quick) > 1 else ""
+    return [
+        f"at {name}{counted} joints accelerate beyond {_QUICK:g} {unit}, {arm}/{joint.name} by "
+        f"{sizes.max():,.0f}: torques do that for an instant, and no motion lasts at it"
+    ]
+
+
+def _contact_notes(cell: Cell, extremes: Sequence[tuple[str, Extreme]]) -> list[str]:
+    """What contacts bear that no grip limits."""
+    limited = cell.problem.constraints.internal_force is not None
+    loose = [i for i, arm in enumerate(cell.problem.arms) if not limited and arm.grip.endless]
+    if not loose or not extremes:
+        return []
+    said = []
+    space = cell.system.space
+    for rows, unit in ((list(space.linear), "N"), (list(space.angular), "N·m")):
+        if rows:
+            sizes = {(name, i): float(np.linalg.norm(each.wrenches[i][rows]))
+                     for name, each in extremes for i in loose}  # fmt: skip
+            name, i = max(sizes, key=lambda key: sizes[key])
+            said.append(f"{sizes[name, i]:,.4g} {unit} (arm {cell.arms[i].name!r}, {name})")
+    return [f"contacts without a grip are taken as unbreakable: here up to {' and '.join(said)}"]

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from copose.capability import symmetric
-from copose.capability.contact_limits import WrenchBounds
+from copose.planning.capacity import Capacity
 from copose.planning.cell import Cell
 from copose.planning.clearance import Apart
 from copose.planning.constraints import Constraint, closure_constraints, equality
@@ -241,7 +241,7 @@ class PostureProgram:
         cell: Cell,
         objective: Objective,
         numbers: int,
-        bounds: WrenchBounds | None = None,
+        capacity: Capacity | None = None,
         places: Places | None = None,
         kept_apart: Apart | None = None,
     ) -> None:
@@ -251,7 +251,7 @@ class PostureProgram:
             cell: object and joints may be elsewhere when it is solved.
             objective: what is maximised.
             numbers: how many parameters it has.
-            bounds: on contact wrenches, where torque limits matter.
+            capacity: what torque limits allow, where they matter.
             places: where more than joints is free.
             kept_apart: what may not touch.
         """
@@ -265,8 +265,8 @@ class PostureProgram:
             constraints = (*constraints, *kept_apart.constraints(system, slots))
         beside: list[ca.SX] = []
         if cell.problem.constraints.static_torque:
-            assert bounds is not None and cell.torque_limits is not None
-            hold = holding_addition(system, cell.torque_limits, bounds)
+            assert capacity is not None
+            hold = holding_addition(system, capacity)
             beside, constraints = [hold.variables], (*constraints, *hold.constraints)
 
         def task(extra: ca.SX, value: ca.SX, constraints: tuple[Constraint, ...]) -> _Task:
@@ -290,7 +290,7 @@ class PostureProgram:
                 constraints += (equality("bounds on the semi-axes", formulation.zero, "1"),)
             whole = task(formulation.extra, formulation.value, constraints)
         else:
-            assert isinstance(objective, LimitsMeasure) and bounds is not None
+            assert isinstance(objective, LimitsMeasure) and capacity is not None
             turned = None
             if places is not None:
                 # Demands are told for the inertia, in world axes, of where a solve starts.
@@ -298,10 +298,11 @@ class PostureProgram:
                 inertia = ca.SX.sym("inertia", m * (m + 1) // 2)
                 given = ca.vertcat(symbols, inertia)
                 turned = system.object.M_o - symmetric(inertia, m)
-            addition = limits_addition(system, objective, symbols, bounds, turned)
+            addition = limits_addition(system, objective, symbols, capacity, turned)
             assert addition.value is not None
             beside = [addition.variables, *beside]
-            whole = task(ca.SX(0, 1), addition.value, (*constraints, *addition.constraints))
+            value = addition.value / addition.size
+            whole = task(ca.SX(0, 1), value, (*constraints, *addition.constraints))
         self.constraints = whole.constraints
         self._exact = _Solver(
             whole,

@@ -21,7 +21,7 @@ from copose.poses import Array, Indices, Mask
 # Rows of a table of pairs that are evaluated at once are chosen to stay within a cache.
 _AT_ONCE = 8192
 _SWEEPS = 12
-_UNHELD = 1e9
+_UNHELD = 1e300
 # Entries of a table that are asked for at a time whether they are allowed, and at most; and how
 # many that stand out are enough.
 _LOOKED_AT, _MOST_LOOKED_AT, _STANDING_OUT = 512, 16384, 256
@@ -36,7 +36,7 @@ class Score:
     Attributes:
         value: kernel of the sums, (s,), and of what is given: postures are compared by it. Where
             arms at rest must hold the object the sums of `HoldingTorque` follow the objective's,
-            and what torque limits certainly cannot hold is worth −10⁹.
+            and what torque limits certainly cannot hold is worth −10³⁰⁰.
         slope: kernel of the objective's sums alone and of what is given: the value and its
             derivatives by them, (1 + s,).
         gram: kernel of the upper triangle of G, where the objective measures an ellipsoid.

@@ -60,6 +60,11 @@ class Grip(Spec):
     force: Positive | None = None
     moment: Positive | None = None
 
+    @property
+    def endless(self) -> bool:
+        """Whether it bears everything."""
+        return self.force is None and self.moment is None
+
 
 def _without(data: Any, key: str, text: str) -> Any:
     """Refuse the key that tells an arm of the other spaces, before its others are unknown."""

@@ -95,12 +95,14 @@ class Posture(Record):
         ellipsoid: of the system, at the object's centre of mass.
         log_volumes: by resolution, whichever is optimised.
         arms: each arm's own.
-        payload: kg, the largest mass of the object that can be held still, or accelerated as the
-            objective asks.
+        payload: kg, the largest mass of the object that can be held with every joint at rest, or
+            accelerated as the objective asks with the least-norm joint accelerations.
         static_torque: share of each joint's limit in the hold whose largest share is smallest.
         residual_radius: of the largest ball of accelerations around rest.
         accelerations: the largest along directions.
         wrenches: of each extreme that is reported, by its name and by arm.
+        joint_accelerations: rad/s² or m/s², alike, where joints are not at rest; of a residual
+            radius those in the direction in which its ball touches the exact set's surface.
         exact_sets: linear and angular.
         companions: ellipsoids of velocities and forces, by name.
         base: where bases that may be moved are, by arm.
@@ -121,6 +123,7 @@ class Posture(Record):
     residual_radius: Finite | None = None
     accelerations: tuple[AccelerationRecord, ...] | None = None
     wrenches: dict[str, dict[str, WrenchRecord]] | None = None
+    joint_accelerations: dict[str, dict[str, Vector]] | None = None
     exact_sets: dict[str, ExactSetRecord] | None = None
     companions: dict[str, CompanionRecord] | None = None
     base: dict[str, SpatialFrame | PlanarPlace] | None = None
