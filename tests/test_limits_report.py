@@ -170,7 +170,7 @@ class TestTables:
         solution = known()
         text, after = said(solution), solution.after
         assert row(text, "payload") == [
-            style.three(after.payload), "kg, the most that can be held",
+            style.three(after.payload), "kg, the most that can be held at rest",
         ]  # fmt: skip
         for kind, unit in (("linear", "m/s²"), ("angular", "rad/s²")):
             radius = style.three(after.exact_sets[kind].residual_radius)

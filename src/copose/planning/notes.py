@@ -141,10 +141,10 @@ def _quick_notes(cell: Cell, extremes: Sequence[tuple[str, Extreme]]) -> list[st
     name, sizes = max(quick, key=lambda each: float(each[1].max()))
     arm, joint = joints[int(sizes.argmax())]
     unit = "m/s²" if joint.kind == "prismatic" else "rad/s²"
-    counted = f" and {len(quick) - 1} more" if len(quick) > 1 else ""
+    counted = f"; beyond {_QUICK:g} in {len(quick)} extremes" if len(quick) > 1 else ""
     return [
-        f"at {name}{counted} joints accelerate beyond {_QUICK:g} {unit}, {arm}/{joint.name} by "
-        f"{sizes.max():,.0f}: torques do that for an instant, and no motion lasts at it"
+        f"joint accelerations reach {sizes.max():,.0f} {unit} ({arm}/{joint.name}, {name}{counted})"
+        ": what torques can do in an instant, not what a motion can keep up"
     ]
 
 

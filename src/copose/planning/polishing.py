@@ -261,8 +261,12 @@ class Polisher:
             direction = self._direction(point, tangents)
         return tangents, direction
 
+    @np.errstate(over="ignore", invalid="ignore")
     def _direction(self, point: _Point, tangents: list[Tangent]) -> list[Array]:
-        """A Newton step in the tangent spaces that ascends, by crew, (count, k, n)."""
+        """A Newton step in the tangent spaces that ascends, by crew, (count, k, n).
+
+        Curvature that is beyond all numbers is that of a step along the gradient, see `_ascent`.
+        """
         count = len(point.value)
         changes, blocks = [], []
         for j, (crew, tangent) in enumerate(zip(self.crews, tangents, strict=True)):

@@ -23,7 +23,7 @@ _SEMI_AXES = 6
 _EQUAL = 1e-6
 
 _MEANING = {
-    "payload": ", the most that can be held",
+    "payload": ", the most that can be held at rest",
     "residual radius": ", all round from rest",
     "largest holding torque": "",
 }
@@ -70,6 +70,7 @@ def limit_tables(solution: Solution) -> list[RenderableType]:
     return [
         *_shares(solution, after),
         *_accelerations(solution, after),
+        *_joint_accelerations(solution, after),
         *_wrenches(solution, after),
         *_companions(solution, after),
     ]
@@ -124,6 +125,29 @@ def _accelerations(solution: Solution, posture: Posture) -> list[Table]:
         touched = [name for name, x in zip(names, pair[0], strict=True) if x]
         words = " / ".join(_direction(u, names) for u in pair)
         table.add_row(words, *cells, style.plain_unit(touched))
+    return [table]
+
+
+def _joint_accelerations(solution: Solution, posture: Posture) -> list[Table]:
+    """A row for each extreme, with its opposite: the largest of all joints."""
+    largest = {
+        _extreme(name, posture, solution): max(max(map(abs, part)) for part in by_arm.values())
+        for name, by_arm in (posture.joint_accelerations or {}).items()
+    }
+    rows: dict[str, list[str]] = {}
+    for title, size in largest.items():
+        name = title.removeprefix("acceleration ").replace("residual radius", "all round")
+        back = name.replace("−", "+", 1) if name.startswith("−") else ""
+        if back in rows:
+            rows[f"{back} / {name}"] = [*rows.pop(back), style.three(size)]
+        else:
+            rows[name] = [style.three(size)]
+    if not rows:
+        return []
+    table = plain_table(f"joint accelerations{_when(solution)}")
+    table.add_column("largest, rad/s² or m/s²", justify="right")
+    for name, cell in zip(rows, aligned(list(rows.values()), " / "), strict=True):
+        table.add_row(name, cell)
     return [table]
 
 
