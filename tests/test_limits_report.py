@@ -170,7 +170,7 @@ class TestTables:
         solution = known()
         text, after = said(solution), solution.after
         assert row(text, "payload") == [
-            style.three(after.payload), "kg, the most that can be held at rest",
+            style.three(after.payload), "kg, the most that can be held",
         ]  # fmt: skip
         for kind, unit in (("linear", "m/s²"), ("angular", "rad/s²")):
             radius = style.three(after.exact_sets[kind].residual_radius)
@@ -200,9 +200,10 @@ class TestTables:
             assert words not in text.split("built in")[0]
         assert "closed-chain velocity" in text
         keys = ("payload", "static_torque", "residual_radius", "accelerations", "wrenches",
-                "exact_sets", "companions")  # fmt: skip
+                "joint_accelerations", "exact_sets", "companions")  # fmt: skip
         bare = said(changed(known(), **dict.fromkeys(keys)))
         assert bare.count("━") < said(known()).count("━") and "external force" not in bare
+        bare = bare.split("built in")[0]
         assert "payload" not in bare and "torque to hold" not in bare
 
     def test_shares(self) -> None:
@@ -245,6 +246,24 @@ class TestTables:
         later = changed(known(), accelerations=(along(None, 0, 0, 1, 0, 0, 0),))
         text = said(compared(later, changed(known(), accelerations=records[:1]).after))
         assert row(text, "+z") == ["1230", "–", "m/s²"]
+
+    def test_joint_accelerations(self) -> None:
+        """The largest of each extreme, opposite directions in one row."""
+        solution = known()
+        text, told = said(solution), solution.after.joint_accelerations
+        largest = {
+            name: style.three(max(abs(x) for part in by_arm.values() for x in part))
+            for name, by_arm in told.items()
+        }
+        pair = f"{largest['acceleration +z']} / {largest['acceleration −z']}"
+        shown = [re.sub(" +", " ", cell) for (cell, *_) in rows(text, "+z / −z")]
+        assert pair in shown
+        for kind in ("linear", "angular"):
+            if f"residual radius, {kind}" in largest:
+                value = largest[f"residual radius, {kind}"]
+                assert row(text, f"all round, {kind}") == [value]
+        keys = {"accelerations": None, "joint_accelerations": None}
+        assert "joint accelerations" not in said(changed(known(), **keys)).split("built in")[0]
 
     def test_contact_wrenches(self) -> None:
         solution = known()

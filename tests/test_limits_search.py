@@ -238,3 +238,45 @@ def test_what_compares_holds_is_the_least_norm(space: str) -> None:
         y, *_ = np.linalg.lstsq(A @ free, -(g / T + A @ h), rcond=None)
         least = np.linalg.norm(g / T + A @ (h + free @ y))
         assert least == pytest.approx(math.sqrt(2 * len(T) / math.pi), rel=1e-5)
+
+
+def limited(kind: str, size: float, gravity: float = 0.0) -> copose.Solution:
+    """Two planar arms with torque limits of some size."""
+    cell = tables("paper-fig2")
+    cell["world"] = {"gravity": [0.0, gravity]}
+    cell["objective"] = {"kind": kind}
+    if kind == "acceleration":
+        cell["objective"]["direction"] = [0.6, 0.8]
+    if kind == "worst-direction":
+        cell["ellipsoid"] = {"torque_scaling": "limits"}
+    for arm in cell["arms"]:
+        arm["torque_limits"] = [3.0 * size, 2.0 * size, 1.0 * size]
+    return copose.solve(parse(cell))
+
+
+@pytest.mark.parametrize(
+    ("kind", "sizes"), [("acceleration", (1e-3, 1e6)), ("worst-direction", (1e6,))]
+)
+def test_larger_limits_accelerate_as_much_more(kind: str, sizes: tuple[float, ...]) -> None:
+    """In proportion, without gravity, and in the same posture."""
+    one = limited(kind, 1.0)
+    for size in sizes:
+        other = limited(kind, size)
+        assert other.objective.after / size == pytest.approx(one.objective.after, rel=1e-7)
+        for name, q in one.after.joints.items():
+            assert other.after.joints[name] == pytest.approx(q, abs=1e-3)
+
+
+def test_placeholders_leave_no_part_for_gravity() -> None:
+    """With limits of 1e6 gravity is a millionth of what is left without it."""
+    heavy, light = (limited("acceleration", 1e6, gravity).objective.after for gravity in (-9.81, 0))
+    assert heavy == pytest.approx(light, rel=1e-4) and heavy != light
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_limits_that_no_scale_fits_warn_nobody(seed: int) -> None:
+    """Numbers beyond all others are no Python warnings: tests turn those into errors."""
+    cell = tables("paper-fig2") | {"ellipsoid": {"torque_scaling": "limits"}}
+    for arm in cell["arms"]:
+        arm["torque_limits"] = [2e-12, 5e5, 3.0]
+    assert copose.Planner(parse(cell)).solve(seed=seed).status in ("solved", "failed")

@@ -9,14 +9,16 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 import copose
-from cells import closed_postures, planar, two_pandas
+from cells import closed_postures, planar, tables, two_pandas
 from copose.capability.contact_limits import inner_polyhedron
 from copose.capability.linear_programs import maximise_first
 from copose.planning.allowances import Allowance
 from copose.planning.cell import Cell
 from copose.planning.machinery import Machinery
+from copose.planning.measuring import Measurement, Meter
 from copose.problem import parse
 from reference import Problem as Truth
+from reference import pose
 
 SPACES = ["spatial", "spatial-linear", "planar", "planar-linear"]
 EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
@@ -33,13 +35,20 @@ def cell_of(space: str, arms: int = 2, **more: object) -> dict:
     return cell | more
 
 
-def postures(cell: dict, count: int) -> tuple[Truth, list[dict]]:
+def postures(cell: dict, count: int, seed: int = 0) -> tuple[Truth, list[dict]]:
     ready = Cell.of(parse(cell))
     K = len(ready.arms)
-    samples = [closed_postures(ready, i, 256) for i in range(K)]
+    samples = [closed_postures(ready, i, 256, seed) for i in range(K)]
     names = [arm.name for arm in ready.arms]
     truth = Truth(cell, {arm.name: list(arm.joint_names) for arm in ready.arms})
     return truth, [dict(zip(names, (s[k] for s in samples), strict=True)) for k in range(count)]
+
+
+def measurements(cell: dict, drawn: list[dict]) -> list[Measurement]:
+    """Postures as results state them, of what the problem asks for."""
+    ready = Cell.of(parse(cell))
+    meter = Meter(ready)
+    return [meter.measure(ready, ready.given(joints)) for joints in drawn]
 
 
 def farthest_of_torques(
@@ -50,7 +59,7 @@ def farthest_of_torques(
     load: np.ndarray,
     load_per_t: np.ndarray,
 ) -> float | None:
-    """Max t over torques: the contact wrenches follow from the forward dynamics of every arm.
+    """Max t over shares of torques: contact wrenches follow from the forward dynamics of every arm.
 
     h = Λ(J M⁻¹(τ − g) − Wᵀa), a = fixed + per_t t, and X h = load + load_per_t t.
     """  # fmt: skip
@@ -58,18 +67,20 @@ def farthest_of_torques(
     T = truth.torque_limits()
     back = J @ np.linalg.inv(M)
     inertia = np.linalg.inv(back @ J.T)
-    A = np.column_stack([X @ inertia @ back, -X @ inertia @ W.T @ per_t - load_per_t])
+    A = np.column_stack([X @ inertia @ back * T, -X @ inertia @ W.T @ per_t - load_per_t])
     b = load + X @ inertia @ (back @ g + W.T @ fixed)
     # Where contacts cannot exert a moment at all its row is empty, and must be.
-    scale = np.abs(A).max(axis=1)
+    scale = np.abs(A[:, :-1]).max(axis=1)
+    kept = scale > 1e-9 * scale.max()
+    assert np.allclose(b[~kept], 0, atol=1e-9 * np.abs(b).max())
+    A, b = A[kept] / scale[kept, None], b[kept] / scale[kept]
+    size = np.abs(A[:, -1]).max()
+    A[:, -1] /= size
     cost = np.zeros(len(T) + 1)
     cost[-1] = -1.0
-    bounds = [*((-x, x) for x in T), (None, None)]
-    kept = scale > 1e-9
-    assert np.allclose(b[~kept], 0)
-    rows = A[kept] / scale[kept, None], b[kept] / scale[kept]
-    answer = linprog(cost, A_eq=rows[0], b_eq=rows[1], bounds=bounds, options=EXACT)
-    return float(answer.x[-1]) if answer.success else None
+    bounds = [*((-1.0, 1.0) for _ in T), (None, None)]
+    answer = linprog(cost, A_eq=A, b_eq=b, bounds=bounds, options=EXACT)
+    return float(answer.x[-1] / size) if answer.success else None
 
 
 def heaviest_of_wrenches(truth: Truth, joints: dict, motion: np.ndarray | None = None) -> float:
@@ -82,6 +93,9 @@ def heaviest_of_wrenches(truth: Truth, joints: dict, motion: np.ndarray | None =
     T, push = truth.torque_limits(), 100 * J.T
     A = np.column_stack([np.zeros(2 * len(T)), np.vstack([push, -push]) / np.tile(T, 2)[:, None]])
     b = np.concatenate([1 - fixed / T, 1 + fixed / T])
+    gripped = bearing(truth)
+    A = np.vstack([A, np.column_stack([np.zeros(len(gripped)), 100 * gripped])])
+    b = np.concatenate([b, np.ones(len(gripped))])
     cost = np.zeros(A.shape[1])
     cost[0] = -1.0
     answer = linprog(
@@ -90,6 +104,19 @@ def heaviest_of_wrenches(truth: Truth, joints: dict, motion: np.ndarray | None =
     )  # fmt: skip
     assert answer.success
     return float(answer.x[0])
+
+
+def bearing(truth: Truth) -> np.ndarray:
+    """Rows of what grips of two arms of six bear, of wrenches in world axes: at most 1."""
+    rows = [np.zeros((0, len(truth.rows) * len(truth.tables["arms"])))]
+    for i, table in enumerate(truth.tables["arms"]):
+        turn = pose(table.get("base", {})).rotation.T if "grip" in table else np.eye(3)
+        for k, most in enumerate(table.get("grip", {}).values()):
+            normals, depth = inner_polyhedron(3)
+            row = np.zeros((len(normals), rows[0].shape[1]))
+            row[:, 6 * i + 3 * k : 6 * i + 3 * k + 3] = normals @ turn / (most * depth)
+            rows.append(row)
+    return np.vstack(rows)
 
 
 def padded(vector: np.ndarray, size: int) -> np.ndarray:
@@ -119,16 +146,31 @@ def test_accelerations_of_random_postures(space: str) -> None:
 @pytest.mark.parametrize("space", SPACES)
 def test_payload_is_held_with_every_joint_at_rest(space: str) -> None:
     """To 1e-7 of a program over contact wrenches; elbows that fall would hold more."""
-    cell, thrown = cell_of(space), []
-    truth, drawn = postures(cell, 6)
-    for joints in drawn:
-        payload = copose.evaluate(parse(cell), joints).after.payload
+    cell, thrown = cell_of(space, objective={"kind": "payload"}), []
+    truth, drawn = postures(cell, 5)
+    drawn += postures(cell, 5, seed=1)[1]
+    for joints, measured in zip(drawn, measurements(cell, drawn), strict=True):
+        payload = measured.posture.payload
+        assert payload == measured.value
         assert payload == pytest.approx(heaviest_of_wrenches(truth, joints), rel=1e-7)
         weight = truth.at_rest(joints)[-1]
         nothing = np.zeros(len(truth.rows))
         per_kg = weight / cell["object"]["mass"]
         thrown.append(farthest_of_torques(truth, joints, nothing, nothing, 0 * weight, per_kg))
     assert max(np.array(thrown) / payload) > 1.001
+
+
+def test_payload_of_the_shipped_problem() -> None:
+    """With grips, in random postures."""
+    cell = tables("panda-payload")
+    truth, drawn = postures(cell, 4, seed=2)
+    bound = 0
+    for joints, measured in zip(drawn, measurements(cell, drawn), strict=True):
+        expected = heaviest_of_wrenches(truth, joints)
+        assert measured.value == pytest.approx(expected, rel=1e-7)
+        h = np.concatenate([r.wrench for r in measured.posture.wrenches["payload"].values()])
+        bound += np.any(bearing(truth) @ h > 1 - 1e-9)
+    assert bound
 
 
 @pytest.mark.parametrize("space", SPACES)
@@ -139,14 +181,12 @@ def test_payload_while_accelerating(space: str) -> None:
     u = np.zeros(len(truth.rows))
     u[1] = 1.0
     cell["objective"] = {"kind": "payload", "acceleration": 1.5, "direction": u.tolist()}
-    for joints in drawn:
-        solution = copose.evaluate(parse(cell), joints)
+    for joints, measured in zip(drawn, measurements(cell, drawn), strict=True):
         expected = heaviest_of_wrenches(truth, joints, 1.5 * u)
-        assert solution.objective.after == pytest.approx(expected, rel=1e-7)
-        assert solution.after.payload == solution.objective.after
-        assert solution.objective.unit == "kg"
+        assert measured.value == pytest.approx(expected, rel=1e-7)
+        assert measured.posture.payload == measured.value
         _, J, _, W, _, _ = truth.at_rest(joints)
-        moved = np.concatenate([*solution.after.joint_accelerations["payload"].values()])
+        moved = np.concatenate([*measured.posture.joint_accelerations["payload"].values()])
         assert np.allclose(moved, np.linalg.pinv(J) @ W.T @ (1.5 * u), atol=1e-9)
 
 
@@ -245,6 +285,112 @@ def test_many_postures_at_once_are_worth_what_each_is(space: str) -> None:
     shares = dynamics.shares(hold)
     for k in range(0, count, 7):
         assert shares[k] == pytest.approx(dynamics.hold(hold, k).value, rel=1e-7)
+
+
+LIMITS = {
+    "placeholders": lambda n: ([1e6] * n, [1e6] * n),
+    "small": lambda n: ([1e-3] * n, [2e-3] * n),
+    "one strong arm": lambda n: ([1e6] * n, [5.0] * n),
+    "weak wrists": lambda n: ([100.0] * (n - 1) + [1e-3],) * 2,
+}
+
+
+@pytest.mark.parametrize(
+    ("space", "name"),
+    [
+        ("spatial", "one strong arm"),
+        ("spatial-linear", "placeholders"),
+        *((space, name) for space in ("planar", "planar-linear") for name in LIMITS),
+    ],
+)
+def test_limits_of_any_size(space: str, name: str) -> None:
+    """Accelerations by shares of the limits, one posture at a time and many at once."""
+    m = {"spatial": 6, "planar-linear": 2}.get(space, 3)
+    directions = np.random.default_rng(0).normal(size=(3, m)).tolist()
+    cell = cell_of(space, objective={"kind": "acceleration", "directions": directions})
+    if name == "small":
+        cell["world"] = {"gravity": [0.0] * (2 if space.startswith("planar") else 3)}
+    size = 7 if space.startswith("spatial") else 4
+    for arm, limits in zip(cell["arms"], LIMITS[name](size), strict=True):
+        arm["torque_limits"] = limits
+    truth, drawn = postures(cell, 3)
+    told = []
+    for joints, measured in zip(drawn, measurements(cell, drawn), strict=True):
+        told.append(measured.value)
+        weight = truth.at_rest(joints)[-1]
+        for record in measured.posture.accelerations:
+            u = np.array(record.direction)
+            force = padded(truth.M_o @ u, len(weight))
+            expected = farthest_of_torques(truth, joints, 0 * u, u, weight, force)
+            assert record.value == pytest.approx(expected, rel=1e-7)
+    ready = Cell.of(parse(cell))
+    machinery = Machinery(ready)
+    many = np.array([np.concatenate(ready.given(joints)) for joints in drawn])
+    assert machinery.objectives(machinery.setting(ready), many) == pytest.approx(told, rel=1e-6)
+
+
+def equations(truth: Truth, joints: dict, solution: copose.Solution, name: str) -> np.ndarray:
+    """a_o of an extreme, from its joint accelerations, that every contact must agree on."""
+    _, J, _, W, _, _ = truth.at_rest(joints)
+    by_arm = solution.after.joint_accelerations[name]
+    moved = np.concatenate([by_arm[arm] for arm in joints])
+    a, *_ = np.linalg.lstsq(W.T, J @ moved, rcond=None)
+    assert np.allclose(W.T @ a, J @ moved, atol=1e-8 * np.abs(moved).max())
+    return a
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_joint_accelerations_stand_beside_every_extreme(space: str) -> None:
+    """They move the object so, and with their wrenches they take torques within the limits."""
+    cell = cell_of(space)
+    truth, drawn = postures(cell, 1)
+    T, names = truth.torque_limits(), truth_axes(cell)
+    for joints in drawn:
+        solution = copose.evaluate(parse(cell), joints)
+        after = solution.after
+        M, J, g, _, _, _ = truth.at_rest(joints)
+        values = [record for record in after.accelerations if record.value is not None]
+        for name, record in zip(names, values, strict=True):
+            a = equations(truth, joints, solution, name)
+            assert np.allclose(a, record.value * np.array(record.direction), rtol=1e-7, atol=1e-6)
+            h = np.concatenate([after.wrenches[name][arm].wrench for arm in joints])
+            by_arm = after.joint_accelerations[name]
+            moved = np.concatenate([by_arm[arm] for arm in joints])
+            assert np.abs((M @ moved + g + J.T @ h) / T).max() < 1 + 1e-8
+        for kind, exact in after.exact_sets.items():
+            if exact.residual_radius:
+                a = equations(truth, joints, solution, f"residual radius, {kind}")
+                assert np.linalg.norm(a) == pytest.approx(exact.residual_radius, rel=1e-7)
+        assert "payload" not in after.joint_accelerations
+
+
+def truth_axes(cell: dict) -> list[str]:
+    coordinates = parse(cell).space.coordinates
+    return [f"acceleration {sign}{name}" for name in coordinates for sign in "+−"]
+
+
+def test_what_joints_and_contacts_would_bear_is_told() -> None:
+    """By joint and by arm; with grips contacts bear no more than they say."""
+    cell = cell_of("spatial")
+    _, (joints,) = postures(cell, 1)
+    solution = copose.evaluate(parse(cell), joints)
+    ((fast,), (loose,)) = (
+        [note for note in solution.notes if word in note]
+        for word in ("joint accelerations reach", "unbreakable")
+    )
+    largest = max(
+        (abs(x), f"{arm}/{joint}")
+        for by_arm in solution.after.joint_accelerations.values()
+        for arm, part in by_arm.items()
+        for joint, x in zip(solution.joint_names[arm], part, strict=True)
+    )
+    assert f"reach {largest[0]:,.0f} rad/s² ({largest[1]}" in fast and largest[0] > 100
+    for rows, unit in ((slice(3), "N"), (slice(3, 6), "N·m")):
+        every = [r.wrench[rows] for each in solution.after.wrenches.values() for r in each.values()]
+        assert f"{max(map(np.linalg.norm, every)):,.4g} {unit} (" in loose
+    for arm in cell["arms"]:
+        arm["grip"] = {"force": 100.0}
+    assert "unbreakable" not in " ".join(copose.evaluate(parse(cell), joints).notes)
 
 
 @given(st.integers(0, 10**6), st.integers(2, 9), st.integers(1, 20))

@@ -23,7 +23,7 @@ _SEMI_AXES = 6
 _EQUAL = 1e-6
 
 _MEANING = {
-    "payload": ", the most that can be held at rest",
+    "payload": ", the most that can be held",
     "residual radius": ", all round from rest",
     "largest holding torque": "",
 }
