@@ -327,3 +327,12 @@ def test_a_problem_cannot_be_changed() -> None:
         problem.name = "x"  # type: ignore[misc]
     with pytest.raises(TypeError):
         problem.arms[0] = problem.arms[1]  # type: ignore[index]
+
+
+def test_torque_limits_are_of_any_size() -> None:
+    cell = two_pandas()
+    cell["arms"][0]["torque_limits"] = [1e12, float("inf"), float("-inf"), 1.0, 1.0, 1.0, 1e-12]
+    assert parse(cell).arms[0].torque_limits == (1e12, *[float("inf")] * 2, 1.0, 1.0, 1.0, 1e-12)
+    cell["arms"][0]["torque_limits"][0] = float("nan")
+    with pytest.raises(InputError, match="torque_limits"):
+        parse(cell)
