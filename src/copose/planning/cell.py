@@ -16,6 +16,9 @@ from copose.poses import Array, Mask
 from copose.problem import ConstraintsSpec, Problem, case_problems, moved
 from copose.robots import Arm, load_arms
 
+# The limit of a torque that has none, N·m at least, and times the largest that there is.
+_ENDLESS, _FAR_BEYOND = 1e5, 1e4
+
 
 @dataclass(frozen=True, eq=False)
 class Cell:
@@ -95,6 +98,46 @@ class Cell:
             return _torque_limits(self.arms, "")
         except InputError:
             return None
+
+    @cached_property
+    def efforts(self) -> tuple[Array, ...]:
+        """Torque limits by arm, (n_i,); ∞ of a joint that has none."""
+        return tuple(np.array([joint.effort for joint in arm.joints]) for arm in self.arms)
+
+    @cached_property
+    def counted_limits(self) -> tuple[Array, ...]:
+        """The same for programs of torques over their limits, which have to be bounded: a joint
+        that has none counts with one that it never comes near.
+        """
+        every = np.concatenate(self.efforts)
+        largest = every[np.isfinite(every)].max(initial=0.0)
+        endless = max(_ENDLESS, _FAR_BEYOND * largest)
+        return tuple(np.where(np.isfinite(T), T, endless) for T in self.efforts)
+
+    def joint(self, column: int) -> tuple[int, int]:
+        """The arm, and which of its joints, that has a place among the joints of all."""
+        edges = np.cumsum([0, *(arm.n for arm in self.arms)])
+        arm = int(np.searchsorted(edges, column, side="right")) - 1
+        return arm, int(column - edges[arm])
+
+    def spare(self, i: int) -> int:
+        """Degrees of freedom that arm i has to spare; with none its postures are finitely many."""
+        return 0 if self.arms[i].fixed else self.arms[i].n - self.system.space.m
+
+    @cached_property
+    def dynamic_torque(self) -> bool:
+        """Whether torques keep their limits along the path."""
+        return dynamic_torque(self.problem, self.arms)
+
+    def held_knots(self, count: int) -> Mask:
+        """At which of so many knots of the path torques have to hold the object at rest, (count,):
+        at both ends of the shortest motion too, which would throw what nothing holds.
+        """
+        path = self.problem.path
+        held = np.full(count, self.problem.constraints.static_torque)
+        if self.dynamic_torque and path is not None and path.duration == "shortest":
+            held[[0, -1]] = True
+        return held
 
     def folded(self, i: int, q: Array) -> Array:
         """Positions of arm i, (..., n), moved by whole turns into the limits, or near them.
@@ -236,6 +279,17 @@ class Cell:
     @cached_property
     def _all_revolute(self) -> Mask:
         return np.concatenate(self._revolute)
+
+
+def dynamic_torque(problem: Problem, arms: Sequence[Arm]) -> bool:
+    """Whether torques keep their limits along a path: as the file says; where it says nothing, if
+    the shortest duration is sought and some joint has a limit.
+    """
+    asked, path = problem.constraints.dynamic_torque, problem.path
+    if asked is not None or path is None:
+        return bool(asked)
+    limited = any(np.isfinite(joint.effort) for arm in arms for joint in arm.joints)
+    return limited and path.duration == "shortest"
 
 
 def _within_half_a_turn(q: Array, revolute: Mask) -> Array:

@@ -38,6 +38,22 @@ _NOISE = 5e-6
 _CAUTION = 1.8
 # Pairs of capsules of two carriers that a program has room for, at most.
 _ROOM = 2
+# Nearest misses that are one, m, and how many postures have to share it.
+_ALIKE, _MANY = 1e-6, 8
+
+
+@dataclass(frozen=True)
+class Blocked:
+    """What comes too near in postures.
+
+    Attributes:
+        reason: a sentence.
+        sure: whether there are no others, or the nearest miss is the same in many: what stops it
+            does not depend on the joints.
+    """
+
+    reason: str
+    sure: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -413,7 +429,9 @@ class Clearance:
             points[:, self._capsules[i]] = found[:, len(solids) :].reshape(len(mine), -1, 2, 3)
         return Bodies(points, centres)
 
-    def in_the_way(self, cell: Cell, q: Sequence[Array | None], near: Near, most: int) -> str:
+    def in_the_way(
+        self, cell: Cell, q: Sequence[Array | None], near: Near, most: int, *, every: bool
+    ) -> Blocked:
         """What is too near in every posture, by arm (count, n_i): the pair that stops the best.
 
         Args:
@@ -421,6 +439,7 @@ class Clearance:
             q: the postures; an arm that is None is in no pair.
             near: pairs of capsules that are too near.
             most: postures whose bodies are measured, those whose capsules are the least too near.
+            every: whether there are no other postures.
         """
         rows = np.unique(near.rows)
         least = np.array([near.spare[near.rows == row].min() for row in rows])
@@ -440,10 +459,13 @@ class Clearance:
                 for pair in pairs
             ))  # fmt: skip
         distance, pair = max(found)
+        alike = [d for d, other in found if other == pair and d >= distance - _ALIKE]
+        count = next((len(some) for some in q if some is not None), 1)
+        judged = every and len(found) == count and distance < cell.problem.constraints.clearance
         a, b = (self.scene.solids[k].name for k in self.scene.pairs[pair])
         missing = cell.problem.constraints.clearance - max(distance, 0.0)
         how = "overlap" if distance <= 0 else f"are {missing:.3g} m too near"
-        return f"{a} and {b} {how}, at best"
+        return Blocked(f"{a} and {b} {how}, at best", judged or len(alike) >= _MANY)
 
     def drawn(self, cell: Cell, joints: Sequence[Array]) -> dict[str, Matrix]:
         """Capsules of the arms, two ends in the world and a radius each, by arm."""

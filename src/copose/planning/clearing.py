@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import prod
 
 import numpy as np
 
 from copose.planning.cell import Cell
-from copose.planning.clearance import Clearance, Near
+from copose.planning.clearance import Blocked, Clearance, Near
 from copose.planning.closing import CLOSED, project
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.self_motion import neighbours
@@ -34,7 +35,7 @@ class Cleared:
 
     postures: list[Array]
     neighbours: list[Indices]
-    blocked: tuple[str, ...]
+    blocked: tuple[Blocked, ...]
 
 
 def clear_postures(machinery: Machinery, setting: Setting, postures: Sequence[Array]) -> Cleared:
@@ -46,7 +47,7 @@ def clear_postures(machinery: Machinery, setting: Setting, postures: Sequence[Ar
     hit = clearance.near(cell, nothing, clearance.still, 0.0)
     found, near, blocked = [], [], []
     if len(hit.rows) and not clearance.exactly(cell, nothing, clearance.still):
-        blocked.append(clearance.in_the_way(cell, nothing, hit, 1))
+        blocked.append(clearance.in_the_way(cell, nothing, hit, 1, every=True))
     for i, mine in enumerate(postures):
         clearance.loosen(cell, _alone(cell, i, mine), clearance.own(i))
         clear, hit = _clear(clearance, cell, i, mine)
@@ -58,7 +59,8 @@ def clear_postures(machinery: Machinery, setting: Setting, postures: Sequence[Ar
             clear[_exactly_clear(clearance, cell, i, mine, hit, _MEASURED)] = True
         if not clear.any():
             alone = _alone(cell, i, mine)
-            blocked.append(clearance.in_the_way(cell, alone, hit, _MEASURED))
+            every = cell.spare(i) <= 0
+            blocked.append(clearance.in_the_way(cell, alone, hit, _MEASURED, every=every))
         number = np.cumsum(clear) - 1
         # A neighbour that is gone is none: a posture beside itself changes nothing.
         others = neighbours(cell, machinery.arms[i], i, mine)[clear]
@@ -87,16 +89,24 @@ def alone_clear(setting: Setting, i: int, q: Array, most: int) -> Mask:
     return clear
 
 
-def in_each_others_way(setting: Setting, postures: Sequence[Array], seed: int) -> str:
-    """Which arms are in each other's way in all combinations, as far as some of them tell."""
+def in_each_others_way(setting: Setting, postures: Sequence[Array], seed: int) -> Blocked:
+    """Which arms are in each other's way in all combinations, as far as some of them tell; in every
+    one where they are few.
+    """
     clearance, cell = setting.clearance, setting.cell
     assert clearance is not None
-    rng = np.random.default_rng([seed, len(postures), 1])
-    q = [mine[rng.integers(0, len(mine), _COMBINED)] for mine in postures]
+    counts = [len(mine) for mine in postures]
+    every = all(cell.spare(i) <= 0 for i in range(len(counts))) and prod(counts) <= _COMBINED
+    if every:
+        chosen = [grid.ravel() for grid in np.indices(counts)]
+    else:
+        rng = np.random.default_rng([seed, len(postures), 1])
+        chosen = [rng.integers(0, count, _COMBINED) for count in counts]
+    q = [mine[rows] for mine, rows in zip(postures, chosen, strict=True)]
     hit = clearance.near(cell, q, clearance.every, 0.0)
     if not len(hit.rows):
-        return "none of the combinations that torque limits allow does"
-    return clearance.in_the_way(cell, q, hit, _MEASURED)
+        return Blocked("none of the combinations that torque limits allow does", sure=False)
+    return clearance.in_the_way(cell, q, hit, _COMBINED if every else _MEASURED, every=every)
 
 
 def _alone(cell: Cell, i: int, q: Array) -> list[Array | None]:

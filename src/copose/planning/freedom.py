@@ -12,6 +12,7 @@ import numpy as np
 from copose.mechanics import System
 from copose.mechanics.held_object import N_PARAMETERS
 from copose.planning.cell import Cell
+from copose.planning.reach_bounds import too_far
 from copose.poses import Array, quaternion_product
 from copose.problem import PlanarObject, Problem, displaced
 from copose.results import Solution
@@ -80,6 +81,30 @@ class Freedom:
     def owned(self) -> Array:
         """Indices of the object's coordinates, which every case has for itself."""
         return np.array([k for k, c in enumerate(self.coordinates) if c.arm is None], dtype=int)
+
+    def never_closes(self, cell: Cell, goals: Sequence[Array]) -> bool:
+        """Whether some arm's links are too short wherever in the ranges everything is, as far as a
+        bound tells.
+
+        Args:
+            cell: with everything at `nominal`.
+            goals: of the tips in root frames there, by arm, position first.
+        """
+        away = np.maximum(self.upper - self.nominal, self.nominal - self.lower)
+        for i, (arm, goal) in enumerate(zip(cell.arms, goals, strict=True)):
+            shift = 0.0
+            for c, most in zip(self.coordinates, away, strict=True):
+                if c.arm not in (None, i):
+                    continue
+                lever = 1.0
+                if c.name in _ANGLES:
+                    # A grasp that turns stays where it is; only where the tip points is another.
+                    turned = {"object": arm.grasp.position, "base": goal[:3], "grasp": np.zeros(3)}
+                    lever = float(np.linalg.norm(turned[c.what]))
+                shift += lever * float(most)
+            if too_far(arm, goal, rigid=False) > shift:
+                return True
+        return False
 
     def names(self, problem: Problem) -> tuple[str, ...]:
         """The coordinates as a result names them: ``object.x``, ``right.base.yaw``."""

@@ -123,8 +123,7 @@ class Machinery:
         self.static = cell.problem.constraints.static_torque
         self.capacity = None
         if isinstance(self.objective, LimitsMeasure) or self.static:
-            assert cell.torque_limits is not None
-            self.capacity = Capacity(cell, cell.torque_limits)
+            self.capacity = Capacity(cell, cell.counted_limits)
         models: dict[bytes, ArmKernels] = {}
         held: dict[bytes, Kernel] = {}
         for arm, mechanics in zip(cell.arms, cell.system.arms, strict=True):

@@ -8,6 +8,7 @@ import numpy as np
 
 from copose.planning.answering import Case, Placing, Status, answer
 from copose.planning.cell import Cell
+from copose.planning.freedom import Freedom
 from copose.planning.measuring import Measurement
 from copose.planning.missing import misses
 from copose.planning.placing import Placed, Placements, PlacementSearch
@@ -168,29 +169,38 @@ class PlacedRun:
         self, search: PlacementSearch, found: Placements
     ) -> tuple[Status, str, Measurement | None]:
         """Status, reason and the nearest miss of a search that found nothing."""
-        wherever = ""
-        if found.tried > 1:
+        run = self.run
+        wherever, alone = "", found.tried == 1
+        if not alone:
             wherever = f"; none of {found.tried} placements within the free ranges does better"
         names = search.case_names
         for k, each in enumerate(found.first):
             if any(len(sample.closed) == 0 for sample in each.samples):
                 setting = search.setting(k, search.nominal[k])
-                joints, reason = misses(setting.cell, each.samples)
-                measured = self.run.machinery.measure(setting, joints)
+                joints, reason, sure = misses(run.machinery, setting, each.samples)
+                measured = run.machinery.measure(setting, joints)
                 in_case = f"in case {names[k]!r} " if names[k] else ""
-                return "infeasible", in_case + reason + wherever, measured
+                freedom = Freedom.of(run.cell.problem)
+                sure &= alone or freedom.never_closes(setting.cell, setting.placement.goals)
+                return _status(sure), in_case + reason + wherever, measured
         for k, each in enumerate(found.first):
             if each.blocked:
-                one = replace(self.run, setting=search.setting(k, search.nominal[k]))
+                one = replace(run, setting=search.setting(k, search.nominal[k]))
                 in_case = f"in case {names[k]!r} " if names[k] else ""
-                return "infeasible", in_case + one.blocked(each) + wherever, None
+                reason, sure = one.blocked(each)
+                return _status(sure and alone), in_case + reason + wherever, None
         if found.closed == 0:
-            one = replace(self.run, setting=search.setting(0, search.nominal[0]))
+            one = replace(run, setting=search.setting(0, search.nominal[0]))
             _, beyond = one.within_limits(found.first[0])
             if beyond is not None:
-                return "infeasible", beyond + wherever, None
+                reason, sure = beyond
+                return _status(sure and alone), reason + wherever, None
         ways = [end.status for end in found.failures]
         return "failed", "no local solve converged: " + ", ".join(sorted({*ways})), None
+
+
+def _status(sure: bool) -> Status:
+    return "infeasible" if sure else "failed"
 
 
 def _record(

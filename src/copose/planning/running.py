@@ -14,7 +14,7 @@ from copose.planning.capacity import HELD
 from copose.planning.cell import Cell
 from copose.planning.climbing import Progress
 from copose.planning.closing import CLOSED, project
-from copose.planning.giving_way import heaviest
+from copose.planning.giving_way import all_judged, combinations, heaviest, uncarried
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.measuring import Measurement
 from copose.planning.missing import misses
@@ -82,22 +82,24 @@ class Run:
         within, found = self._found(effort)
         if any(len(sample.closed) == 0 for sample in found.samples):
             if within is not None:
-                return self._none(found, effort, within.stuck, *self._where(within))
-            joints, reason = misses(self.cell, found.samples)
+                reason, sure = within.stuck
+                return self._none(found, effort, reason, *self._where(within), sure=sure)
+            joints, reason, sure = misses(self.machinery, self.setting, found.samples)
             miss = self.machinery.measure(self.setting, joints)
-            return self._none(found, effort, reason, miss=miss)
+            return self._none(found, effort, reason, miss=miss, sure=sure)
         before, notes = self.before(found) if within is None else self._where(within)
         if within is not None and within.too_near is not None:
-            reason = f"the arms cannot move from a start that is too near: {within.too_near}"
-            return self._none(found, effort, reason, before, notes)
+            near = within.too_near
+            reason = f"the arms cannot move from a start that is too near: {near.reason}"
+            return self._none(found, effort, reason, before, notes, sure=near.sure)
         if found.blocked:
-            # Of more than two arms not all combinations are looked at.
-            status = "infeasible" if len(self.cell.arms) <= 2 else "failed"
-            return self._none(found, effort, self.blocked(found), before, notes, status=status)
+            reason, sure = self.blocked(found)
+            return self._none(found, effort, reason, before, notes, sure=sure)
         if within is None:
             found, beyond = self.within_limits(found)
             if beyond is not None:
-                return self._none(found, effort, beyond, before, notes)
+                reason, sure = beyond
+                return self._none(found, effort, reason, before, notes, sure=sure)
         found = self._tightened(found, within)
         after, value = self._best(found, before, within)
         verification = None
@@ -113,7 +115,7 @@ class Run:
                 f"({'; '.join(reached.why)}); [search] reachable = true keeps to what can",
             )
         status = "solved" if after is not None else "failed"
-        if after is None and within is not None and not found.failures:
+        if after is None and within is not None and within.single:
             status = "infeasible"
         return answer(
             self.cell,
@@ -156,13 +158,13 @@ class Run:
         notes: tuple[str, ...] = (),
         *,
         miss: Measurement | None = None,
-        status: Status = "infeasible",
+        sure: bool,
     ) -> Solution:
-        """The answer where no posture does."""
+        """The answer where no posture does, for a reason that holds, or none that was found."""
         return answer(
             self.cell,
             self.machinery.objective,
-            status=status,
+            status="infeasible" if sure else "failed",
             reason=reason,
             notes=notes,
             before=before,
@@ -335,8 +337,9 @@ class Run:
             best = before
         return best, None if best is None else best.value
 
-    def within_limits(self, found: Found) -> tuple[Found, str | None]:
-        """A search, or why torque limits allow no posture of all that were compared.
+    def within_limits(self, found: Found) -> tuple[Found, tuple[str, bool] | None]:
+        """A search, or why torque limits allow no posture of all that were compared, and whether
+        that is sure.
 
         Where few postures hold the object a sample may have none: those that hold the most tell.
         """
@@ -345,15 +348,20 @@ class Run:
             return found, None
         if machinery.static:
             most = heaviest(self.cell, self.seed)
-            held = machinery.held(self.setting, most.q) if len(most.q) else np.zeros(0, dtype=bool)
+            q, sure = most.q, most.sure
+            few = combinations([sample.closed for sample in found.samples])
+            if len(few) and all(self.cell.spare(i) <= 0 for i in range(len(self.cell.arms))):
+                q, sure = few, True
+            held = machinery.held(self.setting, q) if len(q) else np.zeros(0, dtype=bool)
             if not held.any():
-                return found, most.reason
-            return climbed(machinery, self.setting, found, most.q[held], self.progress), None
+                return found, (most.reason, sure)
+            return climbed(machinery, self.setting, found, q[held], self.progress), None
         kind = machinery.objective.kind
-        return found, (
+        reason = (
             f"the torque limits allow no {kind} as it is asked for in any posture found: they "
             "leave no such motion of the object, all its other accelerations zero"
         )
+        return found, (reason, all_judged(self.cell) or uncarried(self.setting))
 
     def held(self, measured: Measurement) -> bool:
         """Whether the object is held at rest, where it must be."""
@@ -378,9 +386,10 @@ class Run:
         joints = [np.array(q) for q in measured.posture.joints.values()]
         return self.machinery.overlap(self.cell, joints)
 
-    def blocked(self, found: Found) -> str:
-        """What is too near in every posture, and by how much at best."""
-        return "no posture keeps the clearance: " + "; ".join(found.blocked)
+    def blocked(self, found: Found) -> tuple[str, bool]:
+        """What is too near in every posture, and by how much at best; and whether that is sure."""
+        reasons = "; ".join(each.reason for each in found.blocked)
+        return f"no posture keeps the clearance: {reasons}", any(b.sure for b in found.blocked)
 
     def allowed(self, measured: Measurement) -> bool:
         """Whether a posture keeps limits and margins, and holds the object where it must."""

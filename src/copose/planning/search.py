@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from copose.planning.cell import Cell
+from copose.planning.clearance import Blocked
 from copose.planning.clearing import clear_alone, clear_postures, in_each_others_way
 from copose.planning.climbing import SAME_OBJECTIVE, Climbs, Progress, gathered
 from copose.planning.judging import judged
@@ -120,7 +121,7 @@ class Found:
     optima: tuple[LocalOptimum, ...] = ()
     failures: tuple[LocalSolve, ...] = ()
     best: Array | None = None
-    blocked: tuple[str, ...] = ()
+    blocked: tuple[Blocked, ...] = ()
 
 
 def search(

@@ -12,6 +12,7 @@ from itertools import islice, product
 
 import numpy as np
 
+from copose.planning.clearance import Blocked
 from copose.planning.clearing import clear_alone, clear_postures, in_each_others_way
 from copose.planning.climbing import Climbs, Progress
 from copose.planning.closing import CLOSED, project
@@ -57,7 +58,7 @@ class WithinReach:
     components: tuple[Component, ...]
     grid: Grid | None
     nodes: tuple[Nodes, ...]
-    too_near: str | None
+    too_near: Blocked | None
 
     @classmethod
     def of(
@@ -123,11 +124,18 @@ class WithinReach:
         )  # fmt: skip
 
     @property
-    def stuck(self) -> str:
-        """Why an arm can come to nothing."""
-        arms = zip(self.setting.cell.arms, self.samples, strict=True)
-        stuck = [f"arm {arm.name!r}" for arm, sample in arms if not len(sample.closed)]
-        return f"{', '.join(stuck)} cannot leave the joint_margin that the start is in"
+    def single(self) -> bool:
+        """Whether no arm can leave its start."""
+        return all(self.setting.cell.spare(i) <= 0 for i in range(len(self.start)))
+
+    @property
+    def stuck(self) -> tuple[str, bool]:
+        """Why an arm can come to nothing, and whether all that it can come to is known."""
+        arms = zip(self.setting.cell.arms, self.components, self.samples, strict=True)
+        stuck = [(arm.name, each.complete) for arm, each, some in arms if not len(some.closed)]
+        names = ", ".join(f"arm {name!r}" for name, _ in stuck)
+        reason = f"{names} cannot leave the joint_margin that the start is in"
+        return reason, any(complete for _, complete in stuck)
 
     def search(self, seed: int, effort: Effort, progress: Progress) -> Found:
         """Find local optima among what the arms can come to, the best of them first."""
@@ -232,7 +240,7 @@ def _standing(
     starts: Sequence[Array | None],
     known: Sequence[ArmSample],
     seed: int,
-) -> tuple[list[Array], str | None]:
+) -> tuple[list[Array], Blocked | None]:
     """Where the arms are, and what comes too near there.
 
     An arm whose start the file does not give is where the seed's first closed posture is; or, where
@@ -253,7 +261,8 @@ def _standing(
             return [np.asarray(part) for part in cell.system.split(q[clear[0]])], None
     alone = [q[None] for q in here]
     near = clearance.near(cell, alone, clearance.every, 0.0, calibrated=False)
-    return here, clearance.in_the_way(cell, alone, near, 1)
+    given = all(start is not None for start in starts)
+    return here, clearance.in_the_way(cell, alone, near, 1, every=given)
 
 
 def _gridded(

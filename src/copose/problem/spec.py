@@ -47,11 +47,21 @@ class Task(Spec):
 
 
 class ConstraintsSpec(Spec):
-    """``[constraints]``: what a posture must keep."""
+    """``[constraints]``: what a posture must keep.
+
+    Attributes:
+        joint_margin: rad or m kept from every position limit.
+        static_torque: whether holding the object respects torque limits.
+        dynamic_torque: whether moving it along a path does; left out, only where the shortest
+            duration is sought.
+        internal_force: N, at most.
+        collision: whether nothing touches.
+        clearance: m, kept then.
+    """
 
     joint_margin: NotNegative = 0.0
     static_torque: bool = False
-    dynamic_torque: bool = False
+    dynamic_torque: bool | None = None
     internal_force: Positive | None = None
     collision: bool = False
     clearance: NotNegative = 0.01
