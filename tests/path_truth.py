@@ -368,7 +368,10 @@ def _kinematics(truth: PathTruth, motion: dict, moments: list[Moving]) -> list[s
 def _limits(truth: PathTruth, motion: dict) -> list[str]:
     found = []
     times = np.diff(motion["time"])[:, None]
-    dynamic = truth.tables.get("constraints", {}).get("dynamic_torque", False)
+    dynamic = truth.tables.get("constraints", {}).get("dynamic_torque")
+    if dynamic is None:
+        # Left out it counts where the shortest time is sought, for joints that have a limit.
+        dynamic = truth.tables["path"].get("duration") == "shortest"
     for name in motion["joint_names"]:
         limits = truth.limits(name)
 

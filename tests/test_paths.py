@@ -217,7 +217,7 @@ def test_joints_without_limits_are_unwrapped() -> None:
         ),
         (
             limited(hinged(duration=0.2), velocity_limits=[1.0, 1.0, 1.0]),
-            r"joint 'joint\d' would be faster than its limit; 0.2 s is too short.*\(speed\)",
+            r"arm 'a\d', .* s: its grasp goes .* m/s, .*; 0.2 s is too short \(speed\)",
         ),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 
 import numpy as np
 import pytest
@@ -99,20 +100,31 @@ def test_the_shortest_motion_may_be_one_that_torques_alone_limit(part: float) ->
 
 
 @pytest.mark.parametrize(
-    ("part", "constraint", "words"),
+    ("part", "constraint", "status", "words"),
     [
-        (0.35, "static_torque", [" s: no posture holds the object at rest", "a1/joint2", "1.15"]),
-        (0.2, "static_torque", [" s: no posture holds the object at rest"]),
-        (0.3, "dynamic_torque", ["arm 'a1', ", "'joint2' needs 1.3 times its torque limit"]),
+        (
+            0.35,
+            "static_torque",
+            "infeasible",
+            [" s: no posture holds the object at rest", "a1/joint2", "1.15"],
+        ),
+        (0.2, "static_torque", "infeasible", [" s: no posture holds the object at rest"]),
+        (
+            0.3,
+            "dynamic_torque",
+            "failed",
+            ["arm 'a1', ", "'joint2' needs 1.298 times its torque limit"],
+        ),
     ],
 )
 def test_torque_limits_that_are_too_small_are_named(
-    part: float, constraint: str, words: list[str]
+    part: float, constraint: str, status: str, words: list[str]
 ) -> None:
     limits = [part * T for T in (20.0, 15.0, 8.0)]
     cell = with_limits(path_problems.hinged(), *limits, **{constraint: True})
     motion = copose.plan(copose.parse(cell))
-    assert motion.status == "infeasible"
+    # Arms that may choose otherwise might spare more: no search is a proof of what moves.
+    assert motion.status == status
     assert motion.reason is not None
     assert motion.reason.endswith("(torque)")
     assert all(word in motion.reason for word in words), motion.reason
@@ -125,7 +137,7 @@ def test_acceleration_limits_that_are_too_small_are_named() -> None:
     motion = copose.plan(copose.parse(cell))
     assert motion.status == "infeasible"
     assert motion.reason is not None
-    assert motion.reason.endswith("times its acceleration limit (acceleration)")
+    assert motion.reason.endswith("s is too short (acceleration)")
 
 
 def test_what_programs_miss_by_little_is_not_called_infeasible() -> None:
@@ -134,7 +146,7 @@ def test_what_programs_miss_by_little_is_not_called_infeasible() -> None:
     motion = copose.plan(copose.parse(cell))
     assert motion.status == "failed"
     assert motion.reason is not None
-    assert "needs 1.01 times its torque limit" in motion.reason
+    assert re.search(r"needs 1\.0\d\d times its torque limit", motion.reason), motion.reason
 
 
 @pytest.mark.parametrize(

@@ -134,7 +134,7 @@ class Answer:
         joints = [joint for arm in self.machinery.cell.arms for joint in arm.joints]
         kept = {
             "the clearance": constraints.collision,
-            "torque limits": constraints.static_torque or constraints.dynamic_torque,
+            "torque limits": constraints.static_torque or self.machinery.cell.dynamic_torque,
             "acceleration limits": any(np.isfinite(joint.acceleration) for joint in joints),
         }
         return [name for name, keeps in kept.items() if keeps]

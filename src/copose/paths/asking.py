@@ -8,6 +8,7 @@ import numpy as np
 
 from copose.errors import InputError
 from copose.paths.journey import Journey
+from copose.planning.cell import dynamic_torque
 from copose.planning.freedom import Freedom
 from copose.problem import PathSpec, Problem
 from copose.robots import Arm
@@ -32,11 +33,14 @@ def asked(problem: Problem, path: PathSpec, arms: Sequence[Arm]) -> Journey:
         raise refused(what, "path.closed")
     joints = [joint for arm in arms for joint in arm.joints]
     limits = [limit for joint in joints for limit in (joint.velocity, joint.acceleration)]
-    timed = problem.constraints.dynamic_torque or np.isfinite(limits).any()
+    if path.duration == "shortest" and journey.still:
+        what = "the waypoints are one place: nothing there takes time; give a duration in seconds"
+        raise refused(what, "path.duration")
+    timed = dynamic_torque(problem, arms) or np.isfinite(limits).any()
     if path.duration == "shortest" and not timed:
         what = (
-            "needs limits that take time to keep, and no joint has one; give velocity_limits, "
-            "acceleration_limits or [constraints] dynamic_torque, or a duration"
+            "needs limits that take time to keep, and no joint has one that counts; give "
+            "velocity_limits, acceleration_limits or torque_limits, or a duration"
         )
         raise refused(what, "path.duration")
     return journey
@@ -57,6 +61,8 @@ def described(problem: Problem, arms: Sequence[Arm]) -> str | None:
     time = "in the shortest time"
     if not isinstance(path.duration, str):
         time = f"in {path.duration:g} s, {journey.speed / path.duration:.3g} m/s at most"
+    if dynamic_torque(problem, arms):
+        time += " with torques within their limits"
     back = ", back to the posture that it begins with" if path.closed else ""
     return (
         f"path: {len(path.waypoints)} waypoints, {length:.3g} m and {turned:.3g} rad {time}; "

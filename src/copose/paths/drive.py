@@ -59,9 +59,8 @@ class Drive:
         self._cell = cell = machinery.cell
         self._machinery, self._journey, self._tolerance = machinery, journey, tolerance
         self.capacity = machinery.capacity
-        if cell.problem.constraints.dynamic_torque and self.capacity is None:
-            assert cell.torque_limits is not None
-            self.capacity = Capacity(cell, cell.torque_limits)
+        if cell.dynamic_torque and self.capacity is None:
+            self.capacity = Capacity(cell, cell.counted_limits)
         self.torques = Torques(cell, self.capacity)
         gravity = ca.SX(ca.DM(cell.system.gravity))
         self._kernels = []
@@ -112,7 +111,7 @@ class Drive:
             return Driven(tuple(velocities), tuple(accelerations), None, None)
         torques, _ = found
         shares = None
-        if self._cell.problem.constraints.dynamic_torque:
+        if self._cell.dynamic_torque:
             torques, shares = self.torques.limited(asked, torques)
         edges = np.cumsum([mine.shape[1] for mine in q])[:-1]
         torque = tuple(np.split(torques, edges, axis=1))

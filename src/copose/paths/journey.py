@@ -13,6 +13,8 @@ from copose.problem import PathSpec, Problem
 
 # m of a path that counts as long as a turn of one radian.
 _PER_TURN = 0.3
+# m of a path that is none.
+_NOTHING = 1e-9
 # The largest speed of minimum jerk over the mean.
 _PEAK = 1.875
 
@@ -105,6 +107,11 @@ class Journey:
     def size(self) -> float:
         """Σ max(length, 0.3 m · angle), m."""
         return sum(_size(segment.step, segment.turn) for segment in self.segments)
+
+    @property
+    def still(self) -> bool:
+        """Whether the object stays where it is."""
+        return self.size < _NOTHING
 
     @property
     def fastest(self) -> float:

@@ -67,6 +67,7 @@ class KnotTask:
     Attributes:
         slices: of y, by name.
         constraints: on it.
+        holding: names of those on holding the object at rest, which some knots may be free of.
         value: kernel of (y, p): the objective, then the constraints.
         slopes: its gradient, then the constraints' Jacobian, entries as ``pattern`` has them.
         pattern: rows and columns of the Jacobian.
@@ -94,7 +95,7 @@ class KnotTask:
             kept_apart: what may not touch.
             form: which program.
         """
-        system, problem = cell.system, cell.problem
+        system = cell.system
         symbols = ca.SX.sym("numbers", numbers)
         slots = ca.SX.sym("capsules", 0 if kept_apart is None else kept_apart.numbers)
         b = len(system.space.balance)
@@ -110,9 +111,11 @@ class KnotTask:
             )
             parts["beside"] = beside
             constraints += more
-        if problem.constraints.static_torque and not form.loose:
+        self.holding: frozenset[str] = frozenset()
+        if cell.held_knots(2).any() and not form.loose:
             assert capacity is not None
             hold = holding_addition(system, capacity)
+            self.holding = frozenset(constraint.name for constraint in hold.constraints)
             parts["hold"] = hold.variables
             constraints += hold.constraints
         stretch = ca.SX.sym("stretch") if form.shortest else ca.SX(1)
@@ -273,7 +276,7 @@ def _driven(
     cell: Cell, rates: ca.SX, accelerations: ca.SX, inertial: ca.SX, capacity: Capacity | None
 ) -> tuple[ca.SX, list[Constraint]]:
     """Accelerations within their limits; with ``dynamic_torque`` torques too, by some wrenches."""
-    system, problem = cell.system, cell.problem
+    system = cell.system
     edges = np.cumsum([0] + [arm.n for arm in cell.arms]).tolist()
     constraints = []
     limits = np.concatenate([[joint.acceleration for joint in arm.joints] for arm in cell.arms])
@@ -282,7 +285,7 @@ def _driven(
         one = np.ones(len(limited))
         share = accelerations[limited] / ca.DM(limits[limited])
         constraints.append(Constraint(f"accelerations{OVER}", share, -one, one, "1"))
-    if not problem.constraints.dynamic_torque:
+    if not cell.dynamic_torque:
         return ca.SX(0, 1), constraints
     assert capacity is not None
     rows = 2 if system.space.planar else 3

@@ -50,6 +50,11 @@ class Moves:
         return before, np.take_along_axis(self.costs, before, axis=0)
 
     @cached_property
+    def allowed(self) -> Array:
+        """Ones where there is a move, zeros elsewhere, of numbers that multiply quickly."""
+        return np.isfinite(self.costs).astype(np.float32)
+
+    @cached_property
     def back(self) -> Moves:
         """The same from the next layer to this."""
         return Moves(self.costs.T)
@@ -154,6 +159,33 @@ class Lattice:
         """The largest least value of routes to each combination of the last layer."""
         return self._widest()[-1]
 
+    @property
+    def open(self) -> bool:
+        """Whether there is a route."""
+        came = np.isfinite(self.values[0])
+        for value, one, other in zip(self.values[1:], self.one, self.other, strict=True):
+            came = _count(one.allowed.T @ came) @ other.allowed > 0
+            came &= np.isfinite(value)
+        return bool(came.any())
+
+    def returning(self, *ends: Indices) -> list[Indices]:
+        """Numbers of an arm's first postures in the last layer, (count,), −1 of those to which it
+        cannot come back through postures that go with some of the other's.
+
+        Args:
+            ends: the same by arm, −1 where one is not in the last layer.
+        """
+        found = []
+        for axis, (mine, moves) in enumerate(zip(ends, (self.one, self.other), strict=False)):
+            usable = [np.isfinite(value).any(axis=1 - axis) for value in self.values]
+            came: Array = np.diag(usable[0]).astype(np.float32)
+            for move, mask in zip(moves, usable[1:], strict=True):
+                came = _count(came @ move.allowed)
+                came[:, ~mask] = 0.0
+            back = came[np.arange(len(mine)), mine] > 0
+            found.append(np.where(back, mine, -1))
+        return found
+
     def reach(self) -> int:
         """Layers that routes come through: all of them where there is a route."""
         for k, widest in enumerate(self._widest()):
@@ -183,6 +215,11 @@ class Lattice:
             G = _widest_before(found[-1], one)
             found.append(np.minimum(_widest_before(G.T, other).T, value))
         return found
+
+
+def _count(ways: Array) -> Array:
+    """Ones where there are ways, zeros where there is none."""
+    return (ways > 0).astype(np.float32)
 
 
 class _Table:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -13,21 +14,30 @@ from copose.paths.finishing import Finished, Finisher
 from copose.paths.obstruction import (
     Obstruction,
     disconnected,
+    dropped,
     not_started,
+    outpaced,
     uncarried,
 )
+from copose.paths.outrunning import outrun
 from copose.paths.roadmap import Roadmap
+from copose.paths.straining import holding_shares
 from copose.paths.trying import Ends, Trial, Tried
 from copose.paths.values import Values
+from copose.planning.capacity import HELD
 from copose.planning.climbing import Progress
 from copose.planning.machinery import Machinery
 from copose.planning.running import Run
+from copose.poses import Array
 from copose.problem import PathSpec
 from copose.results import Motion, PathSearchRecord, RouteRecord
 
 # Layers of the graph, at least, at least where the object stays and arms may go far along their
-# self-motions, and at most; the object moves at most so far between two, m.
-_LAYERS, _STILL_LAYERS, _MOST_LAYERS, _APART = 25, 81, 201, 0.05
+# self-motions, where arms have no posture to start in either, and at most; the object moves at most
+# so far between two, m.
+_LAYERS, _STILL_LAYERS, _FREE_LAYERS, _MOST_LAYERS, _APART = 25, 81, 5, 201, 0.05
+# How many times finer postures are looked at again where an arm does not go through.
+_FINER = 4
 # By how much a motion may fall behind what another route promises, relative.
 _FALLS = 0.01
 # How much longer than the graph's shortest a motion lasts at first.
@@ -65,13 +75,16 @@ class Making:
     def motion(self, ends: Ends | None) -> Motion:
         """Find routes, make motions of them, and take the best."""
         journey = self.finisher.journey
-        layers = int(np.ceil(journey.fastest / _APART)) + 1
-        fewest = _LAYERS if journey.size else _STILL_LAYERS
-        course = self.finisher.course(min(max(layers, fewest), _MOST_LAYERS))
-        held = self._started(course) if ends is None else ends
+        held = self._started() if ends is None else ends
         if isinstance(held, Obstruction):
             return self.answer.stopped(held, None)
-        why = self._uncarried(course)
+        layers = int(np.ceil(journey.fastest / _APART)) + 1
+        fewest = _LAYERS
+        if journey.still:
+            known = np.isfinite(held.first) | np.isfinite(held.last)
+            fewest = _STILL_LAYERS if known.any() else _FREE_LAYERS
+        course = self.finisher.course(min(max(layers, fewest), _MOST_LAYERS))
+        why = self._uncarried(course) or self._dropped(course, held) or self._outpaced(course)
         if why is not None:
             return self.answer.stopped(why, None)
         roadmaps: list[Roadmap] = []
@@ -105,25 +118,47 @@ class Making:
 
     def _uncarried(self, course: Course) -> Obstruction | None:
         """Where torques have to keep limits and no contact wrenches carry the object at all."""
-        constraints = self.machinery.cell.problem.constraints
-        moving = constraints.dynamic_torque
-        if not (constraints.static_torque or moving):
+        moving = self.machinery.cell.dynamic_torque
+        if not (self.machinery.static or moving):
             return None
         k = self.finisher.drive.torques.uncarried(course, moving=moving)
         if k is None:
             return None
         return uncarried(self.machinery, course, k, self.answer.duration)
 
-    def _started(self, course: Course) -> Ends | Obstruction:
+    def _outpaced(self, course: Course) -> Obstruction | None:
+        """Where a grasp moves faster than its arm can follow, in the time that is asked for."""
+        duration = self.path.duration
+        if isinstance(duration, str):
+            return None
+        # Differences between knots do not see what rates do there.
+        step = duration / (self.path.knots - 1)
+        found = outrun(self.machinery.cell, course, duration, step)
+        return None if found is None else outpaced(self.machinery, course, duration, found)
+
+    def _dropped(self, course: Course, held: Ends) -> Obstruction | None:
+        """Where the posture that the motion has to begin or to end in does not hold the object."""
+        machinery, capacity = self.machinery, self.finisher.drive.capacity
+        for k, q in ((0, held.first), (len(course) - 1, held.last)):
+            if not machinery.cell.held_knots(len(course))[k] or not np.isfinite(q).all():
+                continue
+            assert capacity is not None
+            shares = holding_shares(machinery, capacity, course, k, q)
+            if shares.max() > 1 + HELD:
+                return dropped(machinery, course, k, shares)
+        return None
+
+    def _started(self) -> Ends | Obstruction:
         """Where the file has the arms start, closed there."""
         cell = self.machinery.cell
         first = np.full(sum(arm.n for arm in cell.arms), np.nan)
-        run = Run(self.machinery, course.settings[0], self.seed, 0.0, 0.0, self.progress)
+        setting = self.finisher.course(2).settings[0]
+        run = Run(self.machinery, setting, self.seed, 0.0, 0.0, self.progress)
         for i, (arm, part) in enumerate(zip(cell.arms, cell.system.split(first), strict=True)):
             if arm.start is not None:
                 q = run.closed(i, arm.start, as_given=True)
                 if q is None:
-                    return not_started(arm.name)
+                    return not_started(self.machinery, setting, i)
                 part[:] = q
         return Ends(first, np.full(len(first), np.nan))
 
@@ -134,14 +169,33 @@ class Making:
         for i, both in enumerate(parts):
             self.progress(f"following arm {cell.arms[i].name}", 0.3 * i / len(cell.arms))
             start, goal = (q if np.isfinite(q).all() else None for q in both)
-            roadmap = Roadmap(
-                self.machinery, course, i, self.seed, start, goal, returns=self.path.closed
-            )
+            roadmap = self._roadmap(course, i, start, goal)
             roadmaps.append(roadmap)
-            why = disconnected(self.machinery, course, roadmap, i, self.answer.duration, self.seed)
-            if why is not None:
-                return why
+            if roadmap.through:
+                continue
+            surely = partial(self._cut, course, roadmap, i, start, goal)
+            return disconnected(
+                self.machinery, course, roadmap, i, self.answer.duration, self.seed, surely=surely
+            )
         return None
+
+    def _cut(
+        self, course: Course, roadmap: Roadmap, i: int, start: Array | None, goal: Array | None
+    ) -> bool:
+        """Whether an arm that does not go through has points for postures, or curves that do not go
+        through when they are followed again, more finely; surfaces are known in part.
+        """
+        if roadmap.spare != 1:
+            return roadmap.spare == 0
+        fine = self.finisher.course(2 * len(course) - 1)
+        return not self._roadmap(fine, i, start, goal, finer=_FINER).through
+
+    def _roadmap(
+        self, course: Course, i: int, start: Array | None, goal: Array | None, finer: int = 1
+    ) -> Roadmap:
+        return Roadmap(
+            self.machinery, course, i, self.seed, start, goal, returns=self.path.closed, finer=finer
+        )
 
     def _finished(self, tried: Sequence[Tried], trial: Trial) -> Finished | Obstruction:
         """The best motion, of the next routes too where one falls behind what theirs promise."""

@@ -17,10 +17,12 @@ from copose.paths.evaluation import Evaluated
 from copose.paths.knot_task import Form, KnotTask
 from copose.paths.linear_rows import Builder, LinearRows
 from copose.planning.program import IPOPT
-from copose.poses import Array, Indices
+from copose.poses import Array, Indices, Mask
 
 _STEP = 1e-7
 _STEP_AT, _KNOTS_AT, _SHRINKS = 0.35, 25, 0.6
+# What is left at least of the duration that the shortest is sought from.
+_LEAST = 1e-6
 # How much a motion is smoothed whose objective does not count, so that joints have one way to go.
 _CALM = 1e-6
 _OPTIONS = IPOPT | {
@@ -64,6 +66,7 @@ class Task:
         smoothness: s²/rad² per unit of the objective.
         lower: of the joints at every knot, (n, N); ``upper`` alike.
         speeds: limits of the joints, (N,).
+        held: at which knots the object is held at rest, where the program has that, (n,).
         tightened: what is left of each constraint's bounds at every knot, as a part, (n, g); ones
             where nothing was taken away.
         returns: whether the last knot is the first.
@@ -78,6 +81,7 @@ class Task:
     lower: Array
     upper: Array
     speeds: Array
+    held: Mask
     tightened: Array | None = None
     returns: bool = False
     beside: Multipliers | None = None
@@ -147,6 +151,12 @@ class _Run:
         lower = np.full((count, size), -np.inf)
         upper = np.full((count, size), np.inf)
         lower[:, : self._joints], upper[:, : self._joints] = given.lower, given.upper
+        if "stretch" in self._task.slices:
+            # Accelerations do not tell time from its opposite.
+            lower[:, self._task.slices["stretch"]] = _LEAST
+        if "hold" in self._task.slices:
+            lower[~given.held, self._task.slices["hold"]] = 0.0
+            upper[~given.held, self._task.slices["hold"]] = 0.0
         low, high = self._bounds()
         beside = given.beside
         known = {} if beside is None else {"lam_x0": beside.bounds, "lam_g0": beside.constraints}
@@ -180,6 +190,8 @@ class _Run:
         for constraint in self._task.constraints:
             rows = slice(first, first + constraint.expression.numel())
             first = rows.stop
+            if constraint.name in self._task.holding:
+                lows[~self._given.held, rows], highs[~self._given.held, rows] = -np.inf, np.inf
             columns = self._task.moved_by.get(constraint.name)
             if columns is not None:
                 given = fixed[:, columns].all(axis=1)

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from copose.paths.course import Course
+from copose.paths.outrunning import Outrun
 from copose.paths.roadmap import Roadmap
 from copose.paths.routes import Finder
 from copose.paths.solving import Shaped
 from copose.paths.straining import Strain
 from copose.planning.closing import CLOSED, project
-from copose.planning.machinery import Machinery
+from copose.planning.giving_way import times
+from copose.planning.machinery import Machinery, Setting
+from copose.planning.missing import nearest_miss
+from copose.planning.reach_bounds import excluded
 from copose.planning.search import EFFORTS
 from copose.planning.self_motion import ArmSampler
 from copose.poses import Array
@@ -29,41 +34,62 @@ class Obstruction:
     reason: str
 
 
-def not_started(arm: str) -> Obstruction:
-    """An arm's start holds nothing."""
-    return Obstruction(
-        "infeasible", f"arm {arm!r}, 0 s: its start could not be projected onto its grasp"
-    )
+def _obstruction(reason: str, *, sure: bool) -> Obstruction:
+    """No motion, for a reason that holds, or one that a search came to."""
+    return Obstruction("infeasible" if sure else "failed", reason)
+
+
+def not_started(machinery: Machinery, setting: Setting, i: int) -> Obstruction:
+    """The start of arm i holds nothing."""
+    cell, arm = setting.cell, setting.cell.arms[i]
+    sure = excluded(
+        arm, machinery.arms[i], cell.lower[i], cell.upper[i], setting.placement.goals[i],
+        rigid=cell.system.space.rigid,
+    )  # fmt: skip
+    why = f"arm {arm.name!r}, 0 s: its start could not be projected onto its grasp"
+    return _obstruction(why + ("; no posture reaches it" if sure else ""), sure=sure)
 
 
 def disconnected(
-    machinery: Machinery, course: Course, roadmap: Roadmap, i: int, duration: float, seed: int
-) -> Obstruction | None:
-    """Where an arm's postures end, or their moves; None where some go through."""
+    machinery: Machinery,
+    course: Course,
+    roadmap: Roadmap,
+    i: int,
+    duration: float,
+    seed: int,
+    *,
+    surely: Callable[[], bool],
+) -> Obstruction:
+    """Where an arm's postures end, or their moves; ``surely`` tells of the latter whether they end
+    there however finely one looks.
+    """
     reached, name = roadmap.reached(), machinery.cell.arms[i].name
     stop = next((k for k, mask in enumerate(reached) if not mask.any()), len(reached))
     if stop == len(course):
-        last = roadmap.held[1]
-        if last is None or reached[-1][last]:
-            return None
-        return Obstruction(
-            "infeasible",
+        sure = surely()
+        come = "can come to" if sure else "was found to come to"
+        return _obstruction(
             f"arm {name!r}, {duration:.3g} s: the posture that it has to end in is on another "
-            "branch than any that it can come to (branch)",
+            f"branch than any that it {come} (branch)",
+            sure=sure,
         )
     when = f"arm {name!r}, {_time(course, stop, duration)}"
-    goal = course.goals[i][min(stop, len(course) - 1)]
+    last = min(stop, len(course) - 1)
+    goal, setting = course.goals[i][last], course.settings[last]
     effort = EFFORTS["normal"]
     sampler = ArmSampler(machinery.cell, machinery.arms[i], i, goal)
     rng = np.random.default_rng([seed, i, 1])
     sample = sampler.sample(rng, effort.batch, effort.batches, _DRAWN, effort.insistence)
     if len(sample.closed):
-        return Obstruction(
-            "infeasible",
-            f"{when}: no posture there can be come to from the beginning without letting go: "
+        sure = surely()
+        how = "can be" if sure else "was"
+        return _obstruction(
+            f"{when}: no posture there {how} come to from the beginning without letting go: "
             f"they are on other branches (branch){_stopping(machinery, roadmap, course, i, stop)}",
+            sure=sure,
         )
-    return Obstruction("infeasible", f"{when}: {_miss(machinery, i, goal, sample.missed)}")
+    missed = nearest_miss(machinery, setting, i, sample).sure
+    return _obstruction(f"{when}: {_miss(machinery, i, goal, sample.missed)}", sure=missed)
 
 
 def _miss(machinery: Machinery, i: int, goal: Array, missed: Array) -> str:
@@ -113,36 +139,55 @@ def blocked(
         + (["hold the object within the torque limits"] if constraints.static_torque else [])
         + ([] if constraints.collision or constraints.static_torque else ["have an objective"])
     )
+    still = finder.values.object_in_the_way
+    if still is not None:
+        k, reason = still
+        return _obstruction(f"{_time(course, k, duration)}: {reason} (collision)", sure=True)
     if finder.lattice is None:
         return Obstruction("failed", f"no motion was found whose postures all {what}")
-    # What bodies leave may be narrower than the graph is fine: only nothing at all is sure.
-    left = [np.isfinite(values).any() for values in finder.lattice.values]
-    narrow = constraints.collision and all(left)
+    # What bodies leave may be narrower than the graph is fine: points alone are all known.
+    sure = finder.single and not constraints.collision
     stop = min(finder.lattice.reach(), len(course) - 1)
     if machinery.cell.problem.path is not None and machinery.cell.problem.path.closed:
-        return Obstruction(
-            "infeasible", "no motion ends in the posture that it begins with (branch)"
+        what = "ends" if sure else "was found that ends"
+        return _obstruction(
+            f"no motion {what} in the posture that it begins with (branch)", sure=sure
         )
     names = ", ".join(repr(arm.name) for arm in machinery.cell.arms)
-    return Obstruction(
-        "failed" if narrow else "infeasible",
-        f"arms {names}, {_time(course, stop, duration)}: no postures that can be come to {what}",
+    come = "can be come to" if sure else "were come to"
+    return _obstruction(
+        f"arms {names}, {_time(course, stop, duration)}: no postures that {come} {what}", sure=sure
     )
 
 
 def too_fast(
-    machinery: Machinery, finder: Finder, course: Course, duration: float, least: float
+    machinery: Machinery,
+    finder: Finder,
+    course: Course,
+    duration: float,
+    least: float,
 ) -> Obstruction:
     """That joints would have to be faster than they can be; the shortest motion found takes
     ``least``, s.
     """
     arm, joint, k = finder.slowest()
     name = machinery.cell.arms[arm]
-    return Obstruction(
-        "infeasible",
+    return _obstruction(
         f"arm {name.name!r}, {_time(course, k, duration)}: joint {name.joint_names[joint]!r} would "
         f"be faster than its limit; {duration:.3g} s is too short, about {least:.3g} s is not "
         "(speed)",
+        sure=finder.single,
+    )
+
+
+def outpaced(machinery: Machinery, course: Course, duration: float, found: Outrun) -> Obstruction:
+    """A grasp moves faster than its arm can follow in any posture."""
+    name = machinery.cell.arms[found.arm].name
+    return _obstruction(
+        f"arm {name!r}, {_time(course, found.knot, duration)}: its grasp goes {found.asked:.3g} "
+        f"{found.unit}, and its joints at their limits bring it along with {found.most:.3g} at "
+        f"most, whatever the posture; {duration:.3g} s is too short ({found.what})",
+        sure=True,
     )
 
 
@@ -156,26 +201,59 @@ def uncarried(machinery: Machinery, course: Course, k: int, duration: float) -> 
     )
 
 
-def unheld(course: Course, k: int, duration: float, reason: str) -> Obstruction:
+def unheld(course: Course, k: int, duration: float, reason: str, *, sure: bool) -> Obstruction:
     """No posture at all holds the object at layer k, for a reason."""
-    return Obstruction("infeasible", f"{_time(course, k, duration)}: {reason} (torque)")
+    path = course.settings[0].cell.problem.path
+    timeless = path is not None and path.duration == "shortest"
+    when = _pose(k) if timeless and k in (0, len(course) - 1) else _time(course, k, duration)
+    return _obstruction(f"{when}: {reason} (torque)", sure=sure)
+
+
+def dropped(machinery: Machinery, course: Course, k: int, shares: Array) -> Obstruction:
+    """The posture that a motion has to begin or to end in, at knot k, does not hold the object at
+    rest: shares of torque limits, (N,), the largest at its least.
+    """
+    i, j = machinery.cell.joint(int(shares.argmax()))
+    arm = machinery.cell.arms[i]
+    return _obstruction(
+        f"arm {arm.name!r}, {_pose(k)}: in the posture given joint {arm.joint_names[j]!r} "
+        f"needs {times(float(shares.max()))} times its torque limit to hold the object at rest "
+        "(torque)",
+        sure=True,
+    )
 
 
 def overloaded(
-    machinery: Machinery, course: Course, duration: float, strain: Strain, *, sure: bool
+    machinery: Machinery,
+    course: Course,
+    duration: float,
+    strain: Strain,
+    *,
+    judged: int = 0,
 ) -> Obstruction:
-    """What limit the motions that spare them most still break, and by how much at best."""
+    """What limit the motions that spare them most still break, and by how much at best.
+
+    Args:
+        machinery: whose arms they are.
+        course: on which the strain is told.
+        duration: s.
+        strain: of the motion that spares the limits most.
+        judged: how many motions there are, where they are all known.
+    """
     arm = machinery.cell.arms[strain.arm]
-    joint, times = arm.joint_names[strain.joint], f"{strain.times:.3g} times its"
+    joint, share = arm.joint_names[strain.joint], f"{times(strain.times)} times its"
     told = {
-        "hold": f"joint {joint!r} needs {times} torque limit to hold the object (torque)",
-        "torque": f"joint {joint!r} needs {times} torque limit (torque)",
-        "acceleration": f"joint {joint!r} takes {times} acceleration limit (acceleration)",
+        "hold": f"joint {joint!r} needs {share} torque limit to hold the object (torque)",
+        "torque": f"joint {joint!r} needs {share} torque limit (torque)",
+        "acceleration": f"joint {joint!r} takes {share} acceleration limit (acceleration)",
     }
-    return Obstruction(
-        "infeasible" if sure else "failed",
-        f"arm {arm.name!r}, {_time(course, strain.knot, duration)}: even in the motion found that "
-        f"spares it most {told[strain.what]}",
+    which = "in the motion found that spares it most"
+    if judged:
+        which = f"in the best of all {judged} motions that there are"
+    return _obstruction(
+        f"arm {arm.name!r}, {_time(course, strain.knot, duration)}: even {which} "
+        f"{told[strain.what]}",
+        sure=judged > 0,
     )
 
 
@@ -198,6 +276,11 @@ def opens(error: float, count: int) -> Obstruction:
         f"between knots the chain opens by {error:.2g} m or rad even with {count} of them; a "
         "larger smoothness, or speed limits, keep joints from jumping",
     )
+
+
+def _pose(k: int) -> str:
+    """The end of a path that a knot is, whose time is not known yet."""
+    return "the first pose" if k == 0 else "the last pose"
 
 
 def _time(course: Course, k: int, duration: float) -> str:

@@ -76,7 +76,8 @@ class Roadmap:
     Attributes:
         layers: one for each instant of the course, as far as there are postures.
         spacing: between postures along a self-motion, rad or m.
-        simple: whether it has no more than one degree of freedom to spare.
+        spare: degrees of freedom that it has to spare.
+        simple: whether that is no more than one.
         held: of the first and the last layer, the number of the posture that it has to be; None
             where any serves.
     """
@@ -91,6 +92,7 @@ class Roadmap:
         goal: Array | None,
         *,
         returns: bool,
+        finer: int = 1,
     ) -> None:
         """Follow arm i along a course.
 
@@ -102,6 +104,7 @@ class Roadmap:
             start: the posture that it starts in, (n,), closed.
             goal: the posture that it ends in, alike.
             returns: whether it ends in the posture that it began with.
+            finer: how many times nearer to each other postures are than they need be.
         """
         self._cell, self._kernels, self._i = machinery.cell, machinery.arms[i], i
         self._course, arm = course, machinery.cell.arms[i]
@@ -109,11 +112,11 @@ class Roadmap:
         self.unlimited = np.array(
             [j.kind == "revolute" and not np.isfinite([j.lower, j.upper]).any() for j in arm.joints]
         )
-        spare = self._kernels.n - self._kernels.m
+        self.spare = spare = 0 if arm.fixed else self._kernels.n - self._kernels.m
         self.simple = spare <= 1
         self._most = _MOST if self.simple else _MOST_SURFACE
         # Bodies in the way may leave little of a self-motion.
-        finer = 1 if machinery.clearance is None or spare > 1 else _FINER
+        finer = finer if machinery.clearance is None or spare > 1 else max(finer, _FINER)
         self.spacing, self._most = SPACING / finer, finer * self._most
         self.held: list[int | None] = [None, None]
         if start is not None and self.simple:
@@ -280,6 +283,36 @@ class Roadmap:
             moves = np.isfinite(layer.length)
             reached.append(np.asarray((moves & reached[-1][:, None]).any(axis=0)))
         return reached
+
+    @property
+    def through(self) -> bool:
+        """Whether there is a way through all layers, to the posture that it has to end in."""
+        reached, last = self.reached(), self.held[1]
+        if len(reached) < len(self._course) or not reached[-1].any():
+            return False
+        return last is None or bool(reached[-1][last])
+
+    def branches(self, most: int, *, returns: bool) -> list[Indices]:
+        """Numbers of the postures of all ways through the layers, (layers,) each; none where there
+        are more than so many.
+
+        Args:
+            most: of them.
+            returns: whether a way ends in the posture that it begins with.
+        """
+        first, last = self.held
+        ends = self.ends() if returns else None
+        begun = [k for k in range(len(self.layers[0].q)) if first is None or k == first]
+        ways = [[k] for k in begun if ends is None or ends[k] >= 0]
+        for layer in self.layers[1:]:
+            moves = np.isfinite(layer.length)
+            ways = [[*way, int(k)] for way in ways for k in np.flatnonzero(moves[way[-1]])]
+            if len(ways) > most:
+                return []
+        return [
+            np.array(way) for way in ways
+            if (last is None or way[-1] == last) and (ends is None or way[-1] == ends[way[0]])
+        ]  # fmt: skip
 
     def ends(self) -> Indices:
         """Numbers of the first layer's postures in the last layer, −1 where one is not in it."""

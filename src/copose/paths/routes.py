@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -27,8 +28,10 @@ _PEAKED = 8
 _DRAWN, _SWEEPS, _GAIN = 8, 8, 1e-9
 # Of these, how many are improved by two arms at a time.
 _POLISHED = 2
-# Combinations that a closed motion may begin with of which so many are tried, some rad or m apart.
-_BEGINNINGS, _BEGIN_APART = 8, 0.5
+# So many combinations that a closed motion may begin with are followed, some rad or m apart; and
+# where the arms let few of them return together, so many are looked at, at last those beside each
+# other too.
+_BEGINNINGS, _LOOKED_AT, _BEGIN_APART = 8, 256, (0.5, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +141,43 @@ class Finder:
                 chosen.append(route)
         return chosen
 
+    @property
+    def single(self) -> bool:
+        """Whether no arm has a degree of freedom to spare: routes are branches, all of them known,
+        of one or two arms.
+        """
+        return self.lattice is not None and not any(r.spare for r in self._roadmaps)
+
+    def every(self, most: int) -> list[Route]:
+        """All routes, best first, of arms without a degree of freedom to spare; none of other arms,
+        and where there would be more.
+        """
+        if any(roadmap.spare for roadmap in self._roadmaps):
+            return []
+        branches = [roadmap.branches(most, returns=self._returns) for roadmap in self._roadmaps]
+        if math.prod(map(len, branches)) > most:
+            return []
+        routes = [
+            Route(np.column_stack(nodes), self._worth_of(np.column_stack(nodes)))
+            for nodes in itertools.product(*branches)
+        ]
+        usable = [route for route in routes if np.isfinite(route.worth)]
+        return sorted(usable, key=lambda each: -each.worth)
+
+    def _worth_of(self, nodes: Indices) -> float:
+        """Aggregate − smoothness · S of a route, (layers, K)."""
+        alone = (0,)
+        values = np.array(
+            [self.values.beside(k, alone, here)[here[0], 0] for k, here in enumerate(nodes)]
+        )
+        moves = [
+            each.costs[a, b]
+            for j, arm in enumerate(self._moves)
+            for each, a, b in zip(arm, nodes[:-1, j], nodes[1:, j], strict=True)
+        ]
+        mean = self._worth.aggregate == "mean"
+        return float((values.mean() if mean else values.min()) - np.sum(moves))
+
     def quickest(self, most: int, distance: float) -> list[Route]:
         """Routes whose slowest moves take the least time, about, that differ as in `routes`; of one
         or two arms, the ends of which need not be the same.
@@ -233,7 +273,8 @@ class Finder:
         """Routes of one or two arms that end with the combination that they begin with, of the
         most promising.
         """
-        ends = [*(self._ends[i] for i in arms), np.zeros(1, dtype=np.intp)][:2]
+        alone = lattice.returning(*(self._ends[i] for i in arms))
+        ends = [*alone, np.zeros(1, dtype=np.intp)][:2]
         bound = lattice.reversed
         # What may follow the first combinations, come what may in the end.
         promise = np.where(np.isfinite(lattice.values[0]), 0.0, -np.inf)
@@ -241,19 +282,23 @@ class Finder:
         promise[:, ends[1] < 0] = -np.inf
         promise = promise + self._following(bound)
         order = np.argsort(np.where(np.isfinite(promise), -promise, np.inf).ravel(), kind="stable")
+        order = order[: int(np.isfinite(promise).sum())]
         tried: list[tuple[int, int]] = []
         found: list[Route] = []
-        for number in order[: int(np.isfinite(promise).sum())]:
-            i, j = (int(x) for x in np.unravel_index(number, promise.shape))
-            if len(tried) == _BEGINNINGS:
+        for apart in _BEGIN_APART:
+            for number in order:
+                i, j = (int(x) for x in np.unravel_index(number, promise.shape))
+                if len(found) == _BEGINNINGS or len(tried) == _LOOKED_AT:
+                    break
+                if any(self._beside(arms, (i, j), known, apart) for known in tried):
+                    continue
+                tried.append((i, j))
+                held = lattice.only(0, 0, i).only(0, 1, j)
+                held = held.only(-1, 0, int(ends[0][i])).only(-1, 1, int(ends[1][j]))
+                best = self._aggregated(held, 1) if held.open else []
+                found += [Route(each.nodes[:, : len(arms)], each.worth) for each in best]
+            if found:
                 break
-            if any(self._beside(arms, (i, j), known) for known in tried):
-                continue
-            tried.append((i, j))
-            held = lattice.only(0, 0, i).only(0, 1, j)
-            held = held.only(-1, 0, int(ends[0][i])).only(-1, 1, int(ends[1][j]))
-            best = self._aggregated(held, 1)
-            found += [Route(each.nodes[:, : len(arms)], each.worth) for each in best]
         return found
 
     def _following(self, backward: Lattice) -> Array:
@@ -262,10 +307,14 @@ class Finder:
         weighed = [values / self._count for values in backward.values]
         return Lattice(weighed, backward.one, backward.other).ending
 
-    def _beside(self, arms: tuple[int, ...], one: tuple[int, ...], other: tuple[int, ...]) -> bool:
+    def _beside(
+        self, arms: tuple[int, ...], one: tuple[int, ...], other: tuple[int, ...], apart: float
+    ) -> bool:
+        if one == other:
+            return True
         mine = [self._roadmaps[i] for i in arms]
         return all(
-            np.abs(r.apart(r.layers[0].q[a], r.layers[0].q[b])).max() < _BEGIN_APART
+            np.abs(r.apart(r.layers[0].q[a], r.layers[0].q[b])).max() < apart
             for r, a, b in zip(mine, one, other, strict=False)
         )
 

@@ -78,9 +78,14 @@ class Shaper:
         cell = machinery.cell
         self._worst, self._smoothness = path.aggregate == "worst", path.smoothness
         self.shortest = path.duration == "shortest"
-        constraints = cell.problem.constraints
         accelerations = [joint.acceleration for arm in cell.arms for joint in arm.joints]
-        self._rates = constraints.dynamic_torque or bool(np.isfinite(accelerations).any())
+        self._forced = cell.dynamic_torque or bool(np.isfinite(accelerations).any())
+        # Arms without a degree to spare have no accelerations to choose, but in another time.
+        free = any(
+            kernels.n > kernels.m and not arm.fixed
+            for kernels, arm in zip(machinery.arms, cell.arms, strict=True)
+        )
+        self._rates = self._forced and (free or self.shortest)
         self.accelerations = np.array(accelerations)
         self.speeds = np.array([joint.velocity for arm in cell.arms for joint in arm.joints])
         self._solver = Solver(machinery, drive, kinked=self.kinked)
@@ -169,7 +174,7 @@ class Shaper:
     @property
     def forceful(self) -> bool:
         """Whether torques or accelerations have to keep limits."""
-        return self._rates or self._machinery.static
+        return self._forced or self._machinery.static
 
     @property
     def hasty(self) -> bool:

@@ -230,6 +230,7 @@ class Solver:
                 lower=lower,
                 upper=upper,
                 speeds=case.speeds,
+                held=machinery.cell.held_knots(len(course)),
                 tightened=_parts(task, case.shares, case.calm),
                 returns=wanted.returns,
                 beside=beside,

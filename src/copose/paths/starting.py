@@ -48,15 +48,16 @@ def started(
     n = len(course)
     y = np.zeros((n, task.size))
     y[:, slices["q"]] = q
+    held = machinery.cell.held_knots(n)
     for k, setting in enumerate(course.settings):
         here = q[k][None]
         if "beside" in slices:
             wanted = None if demands is None else demands[k]
             y[k, slices["beside"]] = _beside(machinery, setting, here, wanted, slack)
-        if "hold" in slices:
-            assert machinery.capacity is not None and setting.holding is not None
-            parts = machinery.split(here)
-            y[k, slices["hold"]] = machinery.capacity.resting(setting.holding, parts)[0]
+        if "hold" in slices and held[k]:
+            assert drive.capacity is not None
+            holding = drive.capacity.holding(setting.cell)
+            y[k, slices["hold"]] = drive.capacity.resting(holding, machinery.split(here))[0]
     if "slopes" in slices:
         y[:, slices["slopes"]] = slopes(q, 1.0 / (n - 1))
         y[:, slices["bends"]] = bends(q, 1.0 / (n - 1))

@@ -9,6 +9,7 @@ import numpy as np
 
 from copose.paths.course import Course
 from copose.paths.drive import Drive
+from copose.planning.capacity import Capacity
 from copose.planning.machinery import Machinery
 from copose.poses import Array
 
@@ -49,27 +50,28 @@ def largest_strain(
     }
     if driven.shares is not None:
         shares["torque"] = driven.shares
-    if machinery.static:
-        shares["hold"] = _held(machinery, course, q)
+    held = np.flatnonzero(cell.held_knots(len(course)))
+    if len(held):
+        assert drive.capacity is not None
+        shares["hold"] = np.zeros_like(q)
+        shares["hold"][held] = [
+            holding_shares(machinery, drive.capacity, course, k, q[k]) for k in held.tolist()
+        ]
     what = max(shares, key=lambda name: float(shares[name].max()))
     table = shares[what]
     # Several joints give way at once; rounding must not choose between them.
     knot, column = np.argwhere(table >= table.max() * (1 - 1e-6))[0].tolist()
-    edges = np.cumsum([0, *(arm.n for arm in cell.arms)])
-    arm = int(np.searchsorted(edges, column, side="right")) - 1
-    return Strain(what, knot, arm, column - int(edges[arm]), float(table.max()))
+    return Strain(what, knot, *cell.joint(column), float(table.max()))
 
 
-def _held(machinery: Machinery, course: Course, q: Array) -> Array:
-    """Shares of torque limits that hold the object at rest, (n, N), the largest at its least; ∞
-    where nothing does.
+def holding_shares(
+    machinery: Machinery, capacity: Capacity, course: Course, k: int, q: Array
+) -> Array:
+    """Shares of torque limits, (N,), with which a posture, (N,), holds the object at rest at knot
+    k, the largest at its least; ∞ where nothing does.
     """
-    capacity = machinery.capacity
-    assert capacity is not None
-    T, found = np.concatenate(capacity.limits), np.empty_like(q)
-    for k, setting in enumerate(course.settings):
-        assert setting.holding is not None
-        dynamics = capacity.dynamics(setting.holding, machinery.split(q[k][None]))
-        torques = dynamics.resting_torques(setting.holding.hold)[0]
-        found[k] = np.where(np.isfinite(torques), np.abs(torques) / T, np.inf)
-    return found
+    holding = capacity.holding(course.settings[k].cell)
+    dynamics = capacity.dynamics(holding, machinery.split(q[None]))
+    torques = dynamics.resting_torques(holding.hold)[0]
+    T = np.concatenate(capacity.limits)
+    return np.where(np.isfinite(torques), np.abs(torques) / T, np.inf)

@@ -104,20 +104,25 @@ class Torques:
         T = np.concatenate(capacity.limits)
         found = np.full((len(asked.course), len(T)), np.inf)
         turns = [turn(arm.base, space.rows) for arm in self._cell.arms]
+        alike: dict[bytes, list[int]] = {}
         for k, station in enumerate(asked.course.stations):
-            balance = _balance(self._cell, station.pose.rotation)
+            alike.setdefault(station.pose.rotation.tobytes(), []).append(k)
+        for rows in alike.values():
+            # Wrenches balance alike as long as the object does not turn.
+            balance = _balance(self._cell, asked.course.stations[rows[0]].pose.rotation)
             dynamics = Dynamics(
-                M=tuple(np.zeros((1, len(T), len(T))) for T in capacity.limits),
-                J=tuple((R.T @ mine[k])[None] for R, mine in zip(turns, asked.J, strict=True)),
-                g=tuple(torque[k][None] for torque in asked.alone),
+                M=tuple(np.zeros((len(rows), len(T), len(T))) for T in capacity.limits),
+                J=tuple(R.T @ mine[rows] for R, mine in zip(turns, asked.J, strict=True)),
+                g=tuple(torque[rows] for torque in asked.alone),
                 motion=tuple(np.zeros((space.m, space.m)) for _ in asked.J),
                 balance=tuple(P @ R for P, R in zip(balance, turns, strict=True)),
                 limits=capacity.limits,
                 bounds=capacity.bounds,
             )
-            demand = Demand.holding(space.m, asked.load[k])
-            if np.isfinite(dynamics.shares(demand)[0]):
-                found[k] = dynamics.resting_torques(demand)[0] / T
+            demand = Demand.each([Demand.holding(space.m, asked.load[k]) for k in rows])
+            torques = dynamics.resting_torques(demand) / T
+            sound = np.isfinite(torques).all(axis=1)
+            found[np.array(rows)[sound]] = torques[sound]
         return found
 
     def inertial(self, course: Course) -> Array:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from copose.paths.course import Course
+from copose.paths.course import Course, interpolated
 from copose.paths.finishing import Finisher
 from copose.paths.obstruction import (
     Obstruction,
@@ -33,6 +33,9 @@ from copose.poses import Array
 # freedom to spare, forces are limited, or there are more than two arms; they differ by more than
 # this in some joint and layer, rad or m.
 _ROUTES, _MORE_ROUTES, _DISTANCE = 3, 6, 0.3
+# Combinations of the arms' branches that are all judged where no arm has a degree of freedom to
+# spare.
+_EVERY = 64
 # Joints that differ by less, rad or m, are those of one motion.
 _SAME = 1e-3
 # Routes of a kind from which motions are sought that spare torques.
@@ -42,9 +45,6 @@ _EASY = 3.0
 # How smooth routes are, s²/rad² per unit of the objective, whose joints are to move little, and
 # motions.
 _CALM, _VERY_CALM = (3.0, 100.0), 100.0
-# Shares of limits that are beyond what a motion with finer knots may change, and beyond what other
-# routes may where accelerations are limited.
-_SURELY, _VERY_SURELY = 1.05, 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +130,7 @@ class Trial:
     @property
     def _limited(self) -> bool:
         """Whether torques have to keep limits."""
-        constraints = self._machinery.cell.problem.constraints
-        return constraints.static_torque or constraints.dynamic_torque
+        return self._machinery.static or self._machinery.cell.dynamic_torque
 
     @cached_property
     def _finder(self) -> Finder:
@@ -162,14 +161,27 @@ class Trial:
         simple = all(roadmap.simple for roadmap in self.roadmaps)
         sure = simple and not forceful and len(self.roadmaps) <= 2
         most = _ROUTES if sure else _MORE_ROUTES
-        routes = self._finder.routes(most, _DISTANCE)
+        judged = self._judged
+        if judged and (shortest or judged[0][0].what == "hold"):
+            why = self._unheld()
+            if why is not None:
+                return Outcome([], why)
+        if judged and not shortest and judged[0][0].times > 1 + HELD:
+            course = self.finisher.course(self.finisher.path.knots)
+            # Of bodies in the way capsules may have taken some motions out.
+            least, count = judged[0][0], 0 if machinery.clearance is not None else len(judged)
+            return Outcome([], overloaded(machinery, course, self.duration, least, judged=count))
+        routes = [route for strain, route in judged if shortest or strain.times <= 1 + HELD][:most]
+        routes = routes or self._finder.routes(most, _DISTANCE)
         if not routes:
             why = self._unheld() if self._limited else None
             return Outcome([], why or blocked(machinery, self.course, self._finder, self.duration))
-        found = [] if shortest and self._limited else [self._made(route) for route in routes]
+        quickest = self._finder.quickest(most, _DISTANCE) if shortest else []
+        careless = shortest and self._limited and not judged
+        found = [] if careless else [self._made(route) for route in routes]
         best = max((each for each in found if each.value is not None), key=_value, default=None)
-        if self._limited and (best is None or not best.easy):
-            careful = self._careful.routes(most if shortest else _ROUTES, _DISTANCE)
+        if self._limited and not judged and (best is None or not best.easy):
+            careful = self._careful.routes(_ROUTES if quickest else most, _DISTANCE)
             why = self._unheld()
             if why is not None:
                 return Outcome.of(found, why, shortest=shortest)
@@ -179,13 +191,33 @@ class Trial:
             for calm in _CALM:
                 calmer = self._finder_of(self.values, calm).routes(_ROUTES, _DISTANCE)
                 found += [tried for tried in map(self._spared_route, calmer) if tried is not None]
-        if shortest or all(each.value is None for each in found):
-            found += [self._made(route) for route in self._finder.quickest(_ROUTES, _DISTANCE)]
+        if not shortest and all(each.value is None for each in found):
+            quickest = self._finder.quickest(_ROUTES, _DISTANCE)
+        found += [self._made(route) for route in quickest]
         if any(each.value is not None for each in found):
             return Outcome.of(found, None, shortest=shortest)
         more, why = self._spared_of(routes) if forceful else ([], self._too_fast())
         why = why or program_failed(Outcome.of(found, None, shortest=shortest).tried[0].shaped)
         return Outcome.of(found + more, why, shortest=shortest)
+
+    @cached_property
+    def _judged(self) -> list[tuple[Strain, Route]]:
+        """All routes and what strains them most at the knots asked for, where torques or
+        accelerations have to keep limits and arms have no choice but of a few branches: the best
+        within limits first, then those that break them least. The shortest asks for the latter.
+        """
+        finisher = self.finisher
+        routes = self._finder.every(_EVERY) if finisher.shaper.forceful else []
+        if not routes:
+            return []
+        course, found = finisher.course(finisher.path.knots), []
+        for route in routes:
+            q = finisher.closed(self._finder.postures(route), self.course)
+            q = finisher.closed(interpolated(self.course.phases, q, course.phases), course)
+            strain = largest_strain(self._machinery, finisher.drive, course, q, self.duration)
+            found.append((strain, route))
+        enough = 0.0 if finisher.shaper.shortest else 1.0 + HELD
+        return sorted(found, key=lambda each: max(each[0].times, enough))
 
     def wanted(self, q: Array, duration: float) -> Wanted:
         """What a motion, (n, N), has to keep."""
@@ -195,14 +227,33 @@ class Trial:
 
     def _unheld(self) -> Obstruction | None:
         """Where no posture at all holds the object at rest, if that is asked."""
-        k = int(self._careful.values.shares.argmax())
-        if not self._machinery.static or self._careful.values.shares[k] <= 1 + HELD:
+        held = np.flatnonzero(self._machinery.cell.held_knots(len(self.course)))
+        if not len(held):
             return None
-        setting = self.course.settings[k]
-        most = heaviest(setting.cell, self.seed)
-        if len(most.q) and self._machinery.held(setting, most.q).any():
+        shares = np.zeros(len(self.course))
+        if self._judged:
+            q = np.array([self._finder.postures(route) for _, route in self._judged])
+            shares[held] = [self._shares(k, q[:, k]).min() for k in held.tolist()]
+        else:
+            shares[held] = self._careful.values.shares[held]
+        k = int(shares.argmax())
+        if shares[k] <= 1 + HELD:
             return None
-        return unheld(self.course, k, self.duration, most.reason)
+        most = heaviest(self.course.settings[k].cell, self.seed)
+        sure = bool(self._judged)
+        if not sure and len(most.q) and (self._shares(k, most.q) <= 1 + HELD).any():
+            return None
+        return unheld(self.course, k, self.duration, most.reason, sure=sure or most.sure)
+
+    def _shares(self, k: int, q: Array) -> Array:
+        """The largest share of a limit with which postures, (count, N), hold the object at rest at
+        layer k, (count,); ∞ where none of the contacts' wrenches does.
+        """
+        capacity = self.finisher.drive.capacity
+        assert capacity is not None
+        holding = capacity.holding(self.course.settings[k].cell)
+        shares = capacity.dynamics(holding, self._machinery.split(q)).shares(holding.hold)
+        return np.where(np.isfinite(shares), shares, np.inf)
 
     def _made(self, route: Route) -> Tried:
         """What a program makes of a route, by way of the best motion without limits of torques and
@@ -259,11 +310,7 @@ class Trial:
         least = min(strains, key=lambda strain: strain.times, default=None)
         if least is None or least.times <= 1 + HELD:
             return found, None
-        # The graph knows of torques, and nothing of accelerations.
-        surely = _SURELY if self._limited and not self.finisher.shaper.hasty else _VERY_SURELY
-        sure = len(strains) == len(ends) and least.times > surely
-        why = overloaded(self._machinery, self.course, self.duration, least, sure=sure)
-        return found, why
+        return found, overloaded(self._machinery, self.course, self.duration, least)
 
     def _spared_route(self, route: Route) -> Tried | None:
         q = self.finisher.closed(self._finder.postures(route), self.course)

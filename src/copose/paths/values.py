@@ -35,6 +35,7 @@ class Values:
         combinations: how many were evaluated.
         shares: by layer, the least of the largest shares of a torque limit that hold the object at
             rest, of all combinations that were looked at; 0 where that is not asked.
+        object_in_the_way: the first layer where bodies that no arm moves come too near, and which.
     """
 
     def __init__(
@@ -54,6 +55,7 @@ class Values:
         self._holding: list[tuple[Dynamics, Demand]] = []
         self._pairs: dict[int, Array] = {}
         self._bodies: dict[int, list[Bodies]] = {}
+        self.object_in_the_way: tuple[int, str] | None = None
         self._clear = [] if machinery.clearance is None else self._alone()
 
     def within(self, capacity: Capacity) -> Values:
@@ -80,6 +82,10 @@ class Values:
             assert clearance is not None
             nothing: list[Array | None] = [None] * len(self._roadmaps)
             still = clearance.exactly(cell, nothing, clearance.still)
+            if not still and self.object_in_the_way is None:
+                hit = clearance.near(cell, nothing, clearance.still, 0.0)
+                reason = clearance.in_the_way(cell, nothing, hit, 1, every=True).reason
+                self.object_in_the_way = k, f"whatever the arms do {reason}"
             for i, roadmap in enumerate(self._roadmaps):
                 q = roadmap.layers[k].q
                 alone = [q if j == i else None for j in range(len(self._roadmaps))]

@@ -70,8 +70,8 @@ def heaviest(cell: Cell, seed: int) -> Heaviest:
     limits = cell.counted_limits
     constraints = cell.problem.constraints.model_copy(update={"static_torque": False})
     free = cell.under(constraints)
-from copose.planning.limits_measures import Payload
-from copose.planning.machinery import Machinery, Setting
+    rest = np.zeros(cell.problem.space.m)
+    machinery = Machinery(free, Payload(limits, rest, cell.problem.space))
     setting = machinery.setting(free)
     found = search(machinery, setting, seed, EFFORTS["normal"], lambda what, done: None)
     nothing = "no posture holds the object at rest within the torque limits"
