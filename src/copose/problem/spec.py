@@ -107,8 +107,11 @@ class Problem(Spec):
     @property
     def kinematic(self) -> bool:
         """Whether what is asked for depends on no mass of an arm."""
-        torque = self.constraints.static_torque or self.constraints.dynamic_torque
-        return self.objective.kind in ("velocity-volume", "force-volume") and not torque
+        held, driven = self.constraints.static_torque, self.constraints.dynamic_torque
+        if driven is None:
+            # The shortest motion keeps whatever torque limits there are.
+            driven = self.path is not None and self.path.duration == "shortest"
+        return self.objective.kind in ("velocity-volume", "force-volume") and not (held or driven)
 
     @field_validator("arms", "obstacles", "cases", check_fields=False)
     @classmethod
