@@ -154,6 +154,8 @@ def test_the_first_knot_is_the_start() -> None:
     motion = planned(cell)
     assert np.abs(joints(motion)[0] - joints(free)[0]).max() < 0.1
     assert max(motion.knots[0].closure_error.values()) < 1e-8
+    told = [note for note in motion.notes if "misses its grasp by" in note]
+    assert [note.split("'")[1] for note in told] == [arm["name"] for arm in cell["arms"]]
 
 
 def test_the_worst_counts_where_it_is_asked_for() -> None:

@@ -156,9 +156,10 @@ class Making:
         run = Run(self.machinery, setting, self.seed, 0.0, 0.0, self.progress)
         for i, (arm, part) in enumerate(zip(cell.arms, cell.system.split(first), strict=True)):
             if arm.start is not None:
-                q = run.closed(i, arm.start, as_given=True)
+                q, notes = run.start(i)
                 if q is None:
                     return not_started(self.machinery, setting, i)
+                self.answer.notes += notes
                 part[:] = q
         return Ends(first, np.full(len(first), np.nan))
 
