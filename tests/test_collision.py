@@ -19,6 +19,7 @@ from scipy.optimize import lsq_linear
 from scipy.spatial import ConvexHull
 
 import cells
+import copose
 import reference
 from capsule_distances import capsule_bounds, segment_distances
 from copose.collision import (
@@ -696,54 +697,70 @@ def chain(shapes: dict[int, str], base: str = "") -> str:
     return f'<robot name="chain">{"".join(parts)}</robot>'
 
 
-def chain_cell(folder: Path, text: str, **more: object) -> Setting:
-    (folder / "chain.urdf").write_text(text)
-    table = {
+def cell_table(urdf: str) -> dict:
+    return {
         "format": 1, "name": "c", "task": {"space": "spatial"},
         "object": {"mass": 1, "inertia": [0.01] * 3, "position": [0.6, 0.9, 0],
                    "shape": {"kind": "sphere", "radius": 0.05}},
-        "arms": [{"name": "arm", "urdf": "chain.urdf", "tip": "l5",
-                  "grasp": {"position": [0, 0, 0]}}],
+        "arms": [{"name": "arm", "urdf": urdf, "tip": "l5", "grasp": {"position": [0, 0, 0]}}],
     }  # fmt: skip
-    return Setting.of(with_collision(table | more), folder / "p.toml")
+
+
+def chain_cell(folder: Path, text: str, **more: object) -> Setting:
+    (folder / "chain.urdf").write_text(text)
+    return Setting.of(with_collision(cell_table("chain.urdf") | more), folder / "p.toml")
 
 
 def mesh(name: str, scale: str = "1 1 1") -> str:
     return f'<mesh filename="{name}" scale="{scale}"/>'
 
 
-def test_missing_meshes_are_named_and_visuals_stand_in(tmp_path: Path) -> None:
+def test_shapes_that_cannot_be_read_are_refused_by_their_links(tmp_path: Path) -> None:
     ball = '<sphere radius="0.03"/>'
     cube(tmp_path / "good.stl", 0.06)
     (tmp_path / "bad.stl").write_text("solid x\n facet rubbish")
-    cell = chain_cell(
-        tmp_path,
-        chain(
-            {
-                0: collision(mesh("good.stl")),
-                1: collision(mesh("gone.stl")) + collision(ball, tag="visual"),
-                2: collision(mesh("package://nowhere/l2.stl")),
-                3: collision(mesh("bad.stl")) + collision(mesh("bad.stl"), tag="visual"),
-                4: collision(mesh("bad.stl")) + collision(ball, "0 0 0.1"),
-                5: collision(ball),
-            }
-        ),
+    fine = {
+        0: collision(mesh("good.stl")),
+        1: collision(mesh("gone.stl")) + collision(ball, tag="visual"),
+        4: collision(ball, "0 0 0.1"),
+        # A point is no shape: many a frame has one.
+        5: collision('<sphere radius="0"/>') + collision(ball),
+    }
+    broken = {
+        2: collision(mesh("l2.stl")),
+        3: collision(mesh("bad.stl")) + collision(mesh("bad.stl"), tag="visual"),
+        4: collision(mesh("bad.stl")) + collision(ball),
+    }
+    with pytest.raises(InputError) as error:
+        chain_cell(tmp_path, chain(fine | broken, collision('<box size="0 0.1 0.1"/>')))
+    assert error.value.key == "arms[0] (arm).urdf"
+    assert error.value.file == tmp_path / "p.toml"
+    assert str(error.value).endswith(
+        "collision needs shapes of chain.urdf that cannot be read: "
+        "link 'base': a box has no extent: [0.0, 0.1, 0.1]; "
+        "link 'l2': mesh 'l2.stl' was not found; "
+        "link 'l3': bad.stl is no mesh that can be read; "
+        "link 'l4': bad.stl is no mesh that can be read"
     )
+    away = {i: collision(mesh("package://nowhere/m.stl")) for i in (2, 3)}
+    with pytest.raises(InputError) as error:
+        chain_cell(tmp_path, chain(fine | away))
+    assert "link 'l2': mesh 'package://nowhere/m.stl' was not found (and 1 more); " in str(
+        error.value
+    )
+    assert "'nowhere' was not found; name its folder by packages = {" in str(error.value)
+    cell = chain_cell(tmp_path, chain(fine))
     assert cell.names == ["arm/l0", "arm/l1", "arm/l4", "arm/l5", "object"]
     shapes = {solid.name: [part.shape for part in solid.parts] for solid in cell.scene.solids}
-    assert shapes["arm/l1"] == [Primitive("sphere", (0.03,))]
-    assert shapes["arm/l4"] == [Primitive("sphere", (0.03,))]
-    package, *notes = cell.scene.notes
-    assert "package 'nowhere' was not found; name its folder by packages" in package
-    assert notes == [
+    assert shapes["arm/l1"] == shapes["arm/l5"] == [Primitive("sphere", (0.03,))]
+    assert cell.scene.notes == (
         "chain.urdf: links tested by visual geometry, for no collision geometry can be read: "
         "l1 (mesh 'gone.stl' was not found)",
-        "chain.urdf: links tested without some of the collision geometry: "
-        "l4 (bad.stl is no mesh that can be read)",
-        "chain.urdf: links left out of collision tests, for no shape can be read: "
-        "l2 (mesh 'package://nowhere/l2.stl' was not found), "
-        "l3 (bad.stl is no mesh that can be read)",
-    ]
+    )
+    # Where no collision is asked for, nothing is needed of them.
+    still = parse(cell.table | {"constraints": {}}, tmp_path / "p.toml")
+    (tmp_path / "chain.urdf").write_text(chain(broken))
+    assert not any("chain.urdf" in note for note in copose.check(still).notes)
 
 
 def test_a_robot_without_collision_elements_is_tested_by_its_visuals(tmp_path: Path) -> None:
@@ -762,9 +779,9 @@ def test_a_robot_without_collision_elements_is_tested_by_its_visuals(tmp_path: P
 @pytest.mark.parametrize(
     ("shapes", "base", "why"),
     [
-        ({}, "", ""),
-        ({}, collision('<box size="1 1 1"/>'), ""),
-        ({3: collision(mesh("gone.stl"))}, "", "gone.stl"),
+        ({}, "", "chain.urdf has no shape"),
+        ({}, collision('<box size="1 1 1"/>'), "chain.urdf has no shape"),
+        ({3: collision(mesh("gone.stl"))}, "", "link 'l3': mesh 'gone.stl' was not found"),
     ],
 )
 def test_an_arm_without_geometry_is_refused(
@@ -774,8 +791,75 @@ def test_an_arm_without_geometry_is_refused(
         chain_cell(tmp_path, chain(shapes, base))
     assert error.value.key == "arms[0] (arm).urdf"
     assert error.value.file == tmp_path / "p.toml"
-    assert "chain.urdf has no shape" in str(error.value)
     assert why in str(error.value)
+
+
+def collada(file: Path, edges: tuple[float, float, float], asset: str, node: str = "") -> None:
+    """A box from the origin, in the file's units."""
+    corners = np.array(list(itertools.product((0, 1), repeat=3))) * edges
+    points = " ".join(map(str, corners.ravel()))
+    faces = "0 1 3 0 3 2 4 6 7 4 7 5 0 4 5 0 5 1 2 3 7 2 7 6 0 2 6 0 6 4 1 5 7 1 7 3"
+    file.write_text(
+        '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
+        f'{asset}<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" '
+        f'count="24">{points}</float_array><technique_common><accessor source="#a" count="8" '
+        'stride="3"><param name="X" type="float"/><param name="Y" type="float"/><param name="Z" '
+        'type="float"/></accessor></technique_common></source><vertices id="v"><input '
+        'semantic="POSITION" source="#p"/></vertices><triangles count="12"><input '
+        f'semantic="VERTEX" source="#v" offset="0"/><p>{faces}</p></triangles></mesh></geometry>'
+        '</library_geometries><library_visual_scenes><visual_scene id="s"><node id="n">'
+        f'{node}<instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>'
+        '<scene><instance_visual_scene url="#s"/></scene></COLLADA>'
+    )
+
+
+@pytest.mark.parametrize(
+    ("asset", "metres"),
+    [
+        ('<asset><unit name="mm" meter="0.001"/><up_axis>{}</up_axis></asset>', 0.001),
+        ('<asset><contributor/><unit meter="0.0254"/><up_axis>{}</up_axis></asset>', 0.0254),
+        ('<asset><unit name="m" meter="1"/><up_axis>{}</up_axis></asset>', 1.0),
+        ("<asset><up_axis>{}</up_axis></asset>", 1.0),
+        ("", 1.0),
+    ],
+)
+def test_meshes_have_the_unit_that_they_declare(tmp_path: Path, asset: str, metres: float) -> None:
+    """As in RViz and Gazebo: the unit counts, once; the axis that points up does not."""
+    edges = np.array([0.1, 0.2, 0.3]) / metres
+    for up in ("X_UP", "Y_UP", "Z_UP"):
+        file = tmp_path / "m.dae"
+        # The place of a node in its scene is in the file's unit too.
+        collada(file, tuple(edges), asset.format(up), f"<translate>{edges[0]} 0 0</translate>")
+        cell = chain_cell(tmp_path, chain({2: collision(mesh("m.dae", "1 2 1"))}))
+        (part,) = next(s for s in cell.scene.solids if s.name == "arm/l2").parts
+        assert isinstance(part.shape, Mesh)
+        np.testing.assert_allclose(part.shape.extent, [[0.1, 0, 0], [0.2, 0.4, 0.3]], atol=1e-7)
+        assert cell.scene.notes == ()
+
+
+def test_a_unit_that_is_none_is_refused(tmp_path: Path) -> None:
+    for unit in ("0", "-1", "nan", "x"):
+        collada(tmp_path / "m.dae", (1, 1, 1), f'<asset><unit meter="{unit}"/></asset>')
+        with pytest.raises(InputError, match=r"link 'l2': the unit of m\.dae"):
+            chain_cell(tmp_path, chain({2: collision(mesh("m.dae"))}))
+
+
+def test_what_is_larger_than_robots_is_told(tmp_path: Path) -> None:
+    cube(tmp_path / "m.stl", 60.0)
+    shapes = {
+        1: collision('<box size="0.1 9.9 0.1"/>'),
+        2: collision(mesh("m.stl")),
+        3: collision('<cylinder radius="0.1" length="12"/>', "0 0 3"),
+        4: collision('<sphere radius="7"/>'),
+    }
+    text = chain(shapes, collision(mesh("gone.stl")))
+    told = "chain.urdf: links larger than any robot's: l2 (60 m), l3 (12 m), l4 (14 m)"
+    (tmp_path / "chain.urdf").write_text(text)
+    cell = cell_table("chain.urdf")
+    # Nothing need be readable where no collision is asked for.
+    assert copose.check(parse(cell, tmp_path / "p.toml")).notes[-1] == told
+    (tmp_path / "chain.urdf").write_text(chain(shapes))
+    assert told in copose.check(parse(with_collision(cell), tmp_path / "p.toml")).notes
 
 
 def test_scale_and_places_of_meshes(tmp_path: Path) -> None:

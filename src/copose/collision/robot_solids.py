@@ -161,19 +161,43 @@ def robot_solids(problem: Problem, arms: Sequence[Arm]) -> RobotSolids:
         found = team.solids()
         solids += found
         mounts |= team.mounts()
+        if problem.constraints.collision and team.shapes.faults:
+            raise _unreadable(team)
         for member in team.members:
             if not any(s.carrier.kind == "joint" and s.carrier.arm == member.number for s in found):
                 raise _without_shape(team, member)
-    notes = tuple(note for links in shapes.values() for note in links.notes)
+    notes = tuple(note for links in shapes.values() for note in (*links.notes, *links.large))
     return RobotSolids(tuple(solids), frozenset(mounts), notes)
 
 
-def _without_shape(team: _Team, member: _Member) -> InputError:
-    told = team.shapes.missing or team.shapes.notes
-    why = f": {'; '.join(told)}" if told else ""
+def large_links(problem: Problem) -> tuple[str, ...]:
+    """Notes on links of URDF arms that are larger than any robot's; no shape need be readable."""
+    folder = problem.source.parent if problem.source is not None else Path()
+    robots: RobotsRead = {}
+    for i, spec in enumerate(problem.arms):
+        if isinstance(spec, UrdfArm):
+            read_robot(spec, folder, arm_key(i, spec.name), robots)
+    shapes = (LinkShapes.of(robot, measured=True) for robot in robots.values())
+    return tuple(dict.fromkeys(note for links in shapes for note in links.large))
+
+
+def _unreadable(team: _Team) -> InputError:
+    first = team.members[0]
+    faults = [f"link {link!r}: {why}" for link, why in team.shapes.faults.items()]
+    if team.shapes.missing:
+        # Links fall with their package: where it was looked for says more than all their names.
+        more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
+        faults = [f"{faults[0]}{more}; {team.shapes.missing[0]}"]
     return InputError(
-        f"{team.tree.file.name} has no shape that can be read for any link that the arm "
-        f"moves; collision needs <collision> or <visual> elements and their meshes{why}",
+        f"collision needs shapes of {team.tree.file.name} that cannot be read: {together(faults)}",
+        key=f"{arm_key(first.number, first.arm.name)}.urdf",
+    )
+
+
+def _without_shape(team: _Team, member: _Member) -> InputError:
+    return InputError(
+        f"{team.tree.file.name} has no shape for any link that the arm moves; collision needs "
+        "<collision> or <visual> elements",
         key=f"{arm_key(member.number, member.arm.name)}.urdf",
     )
 

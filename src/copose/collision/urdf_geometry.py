@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,9 +22,9 @@ _FILE = "file://"
 # Links that a note names one by one.
 _NAMED = 5
 
-_LEFT_OUT = "left out of collision tests, for no shape can be read"
 _VISUAL = "tested by visual geometry, for no collision geometry can be read"
-_REST = "tested without some of the collision geometry"
+# Lengths, m, beyond which a shape is no robot's: most often of a mesh in other units.
+_LARGE = 10.0
 
 
 class _UnreadableError(Exception):
@@ -35,20 +37,29 @@ class LinkShapes:
 
     Attributes:
         parts: of the links that have any, placed in the link's frame.
-        notes: which could not be read, and what stands in for them.
+        faults: of the links whose shape cannot be read, why.
+        notes: what stands in for shapes.
         missing: on packages that were not found, where was looked; among the notes too.
+        large: which are larger than any robot's.
     """
 
     parts: dict[str, tuple[Part, ...]]
+    faults: dict[str, str]
     notes: tuple[str, ...]
     missing: tuple[str, ...]
+    large: tuple[str, ...]
 
     @classmethod
-    def of(cls, robot: Robot) -> LinkShapes:
+    def of(cls, robot: Robot, *, measured: bool = False) -> LinkShapes:
         """The collision elements of a URDF's links, or what can stand in for them.
 
         Visual elements stand in where a link's collision elements cannot be read, and where the
         URDF has no collision elements at all.
+
+        Args:
+            robot: the URDF, read.
+            measured: whether they are but measured, for which meshes are read in a third of the
+                time.
         """
         tree = robot.tree
         links = {name: link.element for name, link in tree.links.items()}
@@ -60,26 +71,48 @@ class LinkShapes:
                 notes.append(
                     f"{tree.file.name} has no collision geometry; its visual geometry is tested"
                 )
-        reader = _Reader(tree.file, robot.packages)
+        reader = _Reader(tree.file, robot.packages, measured)
         parts: dict[str, tuple[Part, ...]] = {}
-        faults: dict[str, list[str]] = {_VISUAL: [], _REST: [], _LEFT_OUT: []}
+        faults: dict[str, str] = {}
+        instead: dict[str, str] = {}
         for name, link in links.items():
             parts[name], why = reader.read(link, tag)
-            outcome = _REST if parts[name] else _LEFT_OUT
             if why and tag == "collision":
-                instead, unreadable = reader.read(link, "visual")
-                if instead and not unreadable:
-                    parts[name], outcome = instead, _VISUAL
+                visual, unreadable = reader.read(link, "visual")
+                if visual and not unreadable:
+                    parts[name], instead[name], why = visual, why, ""
             if why:
-                faults[outcome].append(f"{name} ({why})")
+                faults[name] = why
         missing = tuple(sorted(reader.missing))
         notes += missing
-        for outcome, found in faults.items():
-            if found:
-                more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
-                named = ", ".join(found[:_NAMED])
-                notes.append(f"{tree.file.name}: links {outcome}: {named}{more}")
-        return cls({name: some for name, some in parts.items() if some}, tuple(notes), missing)
+        if instead:
+            notes.append(f"{tree.file.name}: links {_VISUAL}: {_listed(instead)}")
+        sizes = {name: _size(some) for name, some in parts.items()}
+        large = {name: f"{size:.3g} m" for name, size in sizes.items() if size > _LARGE}
+        too_large = f"{tree.file.name}: links larger than any robot's: {_listed(large)}"
+        return cls(
+            parts={name: some for name, some in parts.items() if some},
+            faults=faults,
+            notes=tuple(notes),
+            missing=missing,
+            large=(too_large,) if large else (),
+        )
+
+
+def _listed(links: dict[str, str]) -> str:
+    """Links and what is said of each, as many as a note names."""
+    named = ", ".join(f"{name} ({text})" for name, text in [*links.items()][:_NAMED])
+    return named + (f" and {len(links) - _NAMED} more" if len(links) > _NAMED else "")
+
+
+def _size(parts: tuple[Part, ...]) -> float:
+    """The longest side of the box round shapes in their link's frame, m."""
+    ends = []
+    for part in parts:
+        points, radius = part.shape.hull
+        placed = points @ part.placement.rotation.T + part.placement.position
+        ends += [placed.min(axis=0) - radius, placed.max(axis=0) + radius]
+    return float(np.ptp(ends, axis=0).max()) if ends else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +121,7 @@ class _Reader:
 
     file: Path
     packages: Mapping[str, Path]
+    measured: bool
     meshes: dict[tuple[Path, tuple[float, ...]], Mesh] = field(default_factory=dict)
     missing: set[str] = field(default_factory=set)
 
@@ -96,19 +130,27 @@ class _Reader:
         parts, why = [], ""
         for element in link.findall(tag):
             try:
-                parts.append(self._part(element))
+                part = self._part(element)
             except _UnreadableError as error:
                 why = why or str(error)
+            else:
+                parts += [part] if part is not None else []
         return tuple(parts), why
 
-    def _part(self, element: ET.Element) -> Part:
+    def _part(self, element: ET.Element) -> Part | None:
+        """The shape of an element and where it is; None of one without any extent."""
         geometry = element.find("geometry")
         if geometry is None or not len(geometry):
             raise _UnreadableError("no geometry")
         try:
-            return Part(self._shape(geometry[0]), placement(element))
+            shape, pose = self._shape(geometry[0]), placement(element)
         except ValueError as error:
             raise _UnreadableError(str(error)) from None
+        if isinstance(shape, Primitive) and min(shape.size) == 0:
+            if any(shape.size):
+                raise _UnreadableError(f"a {shape.kind} has no extent: {shown(shape.size)}")
+            return None
+        return Part(shape, pose)
 
     def _shape(self, element: ET.Element) -> Shape:
         if element.tag == "mesh":
@@ -133,7 +175,7 @@ class _Reader:
         if file is None:
             raise _UnreadableError(f"mesh {shown(name)} was not found")
         if (file, scale) not in self.meshes:
-            self.meshes[file, scale] = Mesh(_loaded(file, scale))
+            self.meshes[file, scale] = Mesh(_loaded(file, scale, self.measured))
         return self.meshes[file, scale]
 
 
@@ -160,11 +202,13 @@ def mesh_file(name: str, urdf: Path, packages: Mapping[str, Path]) -> Path | Non
         return None
 
 
-def _loaded(file: Path, scale: tuple[float, ...]) -> Any:
+def _loaded(file: Path, scale: tuple[float, ...], measured: bool) -> Any:
     import coal
 
+    factors = np.array(scale) * _unit(file)
     try:
-        mesh = coal.MeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(str(file), np.array(scale))
+        boxes = coal.NODE_TYPE.BV_AABB if measured else coal.NODE_TYPE.BV_OBBRSS
+        mesh = coal.MeshLoader(boxes).load(str(file), factors)
     except (ValueError, RuntimeError):
         mesh = None
     if mesh is None or not mesh.num_tris or not np.all(np.isfinite(mesh.vertices())):
@@ -172,8 +216,31 @@ def _loaded(file: Path, scale: tuple[float, ...]) -> Any:
     return mesh
 
 
+def _unit(file: Path) -> float:
+    """The unit of length that a Collada file declares, m; other formats have none.
+
+    coal passes over it, and over the axis that points up; ROS heeds the first and not the second.
+    """
+    text = "1"
+    with contextlib.suppress(ET.ParseError, OSError), file.open("rb") as content:
+        root = ""
+        for event, element in ET.iterparse(content, ("start", "end")):
+            tag = element.tag.rpartition("}")[2]
+            root = root or tag
+            if root != "COLLADA":
+                break
+            if event == "end" and tag == "asset":
+                unit = element.find("{*}unit")
+                text = unit.get("meter", "1") if unit is not None else "1"
+                break
+    with contextlib.suppress(ValueError):
+        if 0 < float(text) < math.inf:
+            return float(text)
+    raise _UnreadableError(f"the unit of {file.name} is {shown(text)}; so many metres are needed")
+
+
 def _lengths(element: ET.Element, key: str, count: int) -> tuple[float, ...]:
     values = numbers(element, key, count)
-    if min(values) <= 0:
+    if min(values) < 0:
         raise _UnreadableError(f"{key} is {shown(element.get(key))}")
     return values

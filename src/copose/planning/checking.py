@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from copose.collision import Scene
+from copose.collision.robot_solids import large_links
 from copose.kernels import one_at_a_time
 from copose.planning.cell import Cell
 from copose.planning.notes import standing_notes
@@ -32,4 +33,6 @@ def check(problem: Problem) -> Check:
     notes = standing_notes(cell)
     if problem.constraints.collision:
         notes += Scene.of(problem, cell.arms).notes
+    else:
+        notes += large_links(problem)
     return Check(problem, cell.arms, notes)
