@@ -126,7 +126,7 @@ def test_doubtful_locks_are_told(tmp_path: Path) -> None:
         ({"extra": {4: '<mimic joint="j1"/>'}}, "joint 'j4' mimics 'j1', which is free"),
         ({"inertial": dict.fromkeys(range(7), "")}, "has no inertials: none of l0, l1"),
         ({"inertial": {6: ""}}, "joint 'j6' moves next to no inertia"),
-        ({"inertial": {6: INERTIAL.replace("0.01", "-9")}}, "not positive definite"),
+        ({"inertial": {6: INERTIAL.replace("0.01", "-9")}}, "inertia of link 'l6' is negative"),
         ({"limits": {2: '<limit effort="1" velocity="1"/>'}}, "'j2' has no range in the URDF"),
     ],
     ids=["floating", "planar", "mimic", "no-inertials", "one-massless", "negative", "no-range"],

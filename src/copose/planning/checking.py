@@ -30,7 +30,7 @@ def check(problem: Problem) -> Check:
         InputError: what is wrong.
     """
     cell = Cell.of(problem)
-    notes = standing_notes(cell)
+    notes = standing_notes(cell, everything=True)
     if problem.constraints.collision:
         notes += Scene.of(problem, cell.arms).notes
     else:

@@ -16,9 +16,14 @@ _QUICK = 100.0
 _HUGE_EFFORT = 1000.0
 
 
-def standing_notes(cell: Cell) -> tuple[str, ...]:
-    """Notes that hold for every posture of a cell."""
-    return (*_unit_notes(cell), *_model_notes(cell))
+def standing_notes(cell: Cell, *, everything: bool = False) -> tuple[str, ...]:
+    """Notes that hold for every posture of a cell.
+
+    Args:
+        cell: the problem made ready.
+        everything: also what its answers do not depend on.
+    """
+    return (*_unit_notes(cell), *_model_notes(cell), *_oddities(cell, everything))
 
 
 def _unit_notes(cell: Cell) -> list[str]:
@@ -105,14 +110,28 @@ def _model_notes(cell: Cell) -> list[str]:
             for joint in arm.locked
             if not joint.lower - 1e-6 <= joint.position <= joint.upper + 1e-6
         ]
-        efforts = {joint.effort for joint in arm.joints}
-        doubtful = max(efforts) >= _HUGE_EFFORT or (len(efforts) == 1 and arm.n > 3)
-        if cell.problem.ellipsoid.torque_scaling == "limits" and doubtful:
+        huge = max(joint.effort for joint in arm.joints) >= _HUGE_EFFORT
+        told = any(oddity.about == "effort" for oddity in arm.oddities)
+        if cell.problem.ellipsoid.torque_scaling == "limits" and huge and not told:
             notes.append(
                 f"the torque limits of arm {arm.name!r} look like placeholders: "
                 + ", ".join(f"{joint.effort:g}" for joint in arm.joints)
             )
     return notes
+
+
+def _oddities(cell: Cell, everything: bool) -> tuple[str, ...]:
+    """What the robots' files say that no robot has, once for all arms of which it is said."""
+    concerns = {"inertia": not cell.problem.kinematic, "effort": cell.torque_limits is not None}
+    texts: dict[str, list[str]] = {}
+    for arm in cell.arms:
+        for oddity in arm.oddities:
+            if everything or concerns.get(oddity.about, cell.problem.path is not None):
+                texts.setdefault(oddity.text, []).append(repr(arm.name))
+    return tuple(
+        f"{'arms' if len(names) > 1 else 'arm'} {', '.join(names)}: {text}"
+        for text, names in texts.items()
+    )
 
 
 def margin_notes(cell: Cell, joints: Sequence[Array]) -> tuple[str, ...]:

@@ -85,6 +85,19 @@ class LockedJoint:
     upper: float
 
 
+@dataclass(frozen=True)
+class Oddity:
+    """A number of a robot's file that no robot has.
+
+    Attributes:
+        about: what it is a number of.
+        text: a sentence that names the link or the joint.
+    """
+
+    about: Literal["inertia", "effort", "speed"]
+    text: str
+
+
 @dataclass(frozen=True, eq=False)
 class Arm:
     """A serial chain on a fixed base, and how it holds the object.
@@ -103,6 +116,7 @@ class Arm:
         fixed: whether it is held at its start.
         weightless: why the inertia of its links is not known, if it is not.
         notes: what its file says that is read otherwise.
+        oddities: numbers of its file that no robot has.
     """
 
     name: str
@@ -118,6 +132,7 @@ class Arm:
     fixed: bool = False
     weightless: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    oddities: tuple[Oddity, ...] = ()
 
     @property
     def n(self) -> int:

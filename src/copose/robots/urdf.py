@@ -26,6 +26,7 @@ from copose.robots.arm import (
     start_within_limits,
 )
 from copose.robots.paths import resolve
+from copose.robots.plausibility import inertia_oddities, limit_oddities, negative_inertias
 from copose.robots.urdf_tree import MOVABLE, Standing, Tree, TreeJoint, read_tree
 
 # As many as a planar arm may have links; what an arm costs grows with the square of it.
@@ -219,6 +220,10 @@ def urdf_arm(spec: UrdfArm, robot: Robot, key: str, *, weighed: bool) -> tuple[A
         fixed=spec.fixed,
         weightless=tuple(weightless),
         notes=(*doubts.told(spec.name), *([passed_over] if tree.foreign else [])),
+        oddities=(
+            *inertia_oddities(tree, [joint.child for joint in carried]),
+            *limit_oddities(joints),
+        ),
     )
     whole = RobotOnBase(
         file=tree.file,
@@ -280,6 +285,7 @@ def _weightless(
     """Why the inertia of what an arm moves is not known."""
     links = [tree.links[joint.child] for joint in carried]
     faults = [link.fault for link in links if link.fault]
+    faults += negative_inertias(tree, [joint.child for joint in carried])
     bodies = [link.body for link in links if link.body is not None]
     if not faults and spec.tool is None and not any(body.mass > 0 for body in bodies):
         named = ", ".join(joint.child for joint in free)
