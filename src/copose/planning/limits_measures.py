@@ -106,6 +106,8 @@ class LimitsMeasure(Objective):
     def _least(dynamics: Dynamics, demands: Sequence[Demand]) -> Array:
         """The least of the farthest t of each posture, (count,)."""
         count, many = len(dynamics.M[0]), len(demands)
+        if count == 0:
+            return np.zeros(0)
         every = dynamics.taken(np.repeat(np.arange(count), many))
         reached = every.farthest(Demand.each([*demands] * count))
         return np.asarray(reached.reshape(count, many).min(axis=1))

@@ -33,6 +33,8 @@ IPOPT: dict[str, Any] = {
     "ipopt.acceptable_iter": 0,
     "ipopt.max_iter": 200,
     "print_time": False,
+    # Programs with more equations than unknowns are no news, and no reason to warn.
+    "inputs_check": False,
     "calc_lam_p": False,
     "show_eval_warnings": False,
     "error_on_fail": False,
