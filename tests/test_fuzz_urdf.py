@@ -30,7 +30,7 @@ SHAPES = (
     '<cylinder radius="0.03" length="0.2"/>',
     '<capsule radius="0.03" length="0.2"/>',
     '<mesh filename="m.dae"/>',
-    '<mesh filename="package://here/m.stl" scale="0.01 0.01 0.01"/>',
+    '<mesh filename="package://here/m.stl" scale="0.5 0.5 0.5"/>',
 )
 AXES = ("0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0")
 NAMES = (
@@ -48,7 +48,7 @@ FILES = (
 )  # fmt: skip
 TAGS = ("gz:plugin", "xacro:macro", "transmission", "sensor", "link", "joint", "mimic", "limit")
 KINDS = ("fixed", "floating", "planar", "continuous", "prismatic", "", "Revolute", "臂")
-SCALES = ("0.01 0.01 0.01", "1e3 1e3 1e3", "0 0 0", "-1 1 1", "1", "nan 1 1", "")
+SCALES = ("0.5 0.5 0.5", "1e3 1e3 1e3", "0 0 0", "-1 1 1", "1", "nan 1 1", "")
 UNITS = ("0.001", "0", "x", "1", "-1", "1e9", "nan", "")
 HEADS = (
     "", '<?xml version="1.0"?>', '<?xml version="1.0" encoding="utf-8"?>',
@@ -87,8 +87,8 @@ STL = (
         + "".join(f"vertex {x} {y} {z}\n" for x, y, z in corners)
         + "endloop\nendfacet\n"
         for corners in (
-            ((0, 0, 0), (0, 6, 0), (6, 0, 0)), ((0, 0, 0), (6, 0, 0), (0, 0, 20)),
-            ((6, 0, 0), (0, 6, 0), (0, 0, 20)), ((0, 6, 0), (0, 0, 0), (0, 0, 20)),
+            ((0, 0, 0), (0, 0.06, 0), (0.06, 0, 0)), ((0, 0, 0), (0.06, 0, 0), (0, 0, 0.2)),
+            ((0.06, 0, 0), (0, 0.06, 0), (0, 0, 0.2)), ((0, 0.06, 0), (0, 0, 0), (0, 0, 0.2)),
         )
     )
     + "endsolid m\n"
