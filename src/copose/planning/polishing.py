@@ -93,7 +93,7 @@ class Crew:
         x = np.empty((count, k, d, n + s))
         x[..., :n], x[..., n:] = q, weights[:, None, None]
         given = np.hstack([self.goals, self.ties])
-        if count * d > 1:
+        if count * d != 1:
             given = np.tile(np.repeat(given, d, axis=0), (count, 1))
         values = self.kernels.local(x.reshape(-1, n + s), given)
         J = values[:, s : s + m * n].reshape(-1, m, n)
