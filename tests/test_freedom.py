@@ -677,7 +677,7 @@ def test_torque_limits_in_cases() -> None:
 @pytest.mark.parametrize("side", [0, 1])
 def test_one_robot_has_one_base(side: int) -> None:
     cell = freed(tables("baxter-box"), "base", side, x=[-0.1, 0.1])
-    with pytest.raises(InputError, match=r"arms\[1\]\.freedom\.base: .*one robot"):
+    with pytest.raises(InputError, match=r"arms\[1\] \(right\)\.freedom\.base: .*one robot"):
         copose.check(parse(cell))
     copose.check(parse(freed(tables("baxter-box"), "grasp", side, x=[-0.1, 0.1])))
 

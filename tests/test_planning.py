@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,12 @@ def test_shipped_problems_recompute(file) -> None:
         assert solution.objective.before == solution.before.ellipsoid.log_volume
     assert solution.objective.after > solution.objective.before
     assert copose.verify(problem, solution) == ()
+    # What the file says of itself.
+    text = file.read_text()
+    head = text[: text.index("format = 1")]
+    assert head.startswith("# What it shows:") and "# Expect:" in head.replace("\n#\n", "\n")
+    values = [float(x) for x in re.findall(r"-?\d+\.\d{3,6}\b", head.split("# Expect:")[1])]
+    assert any(abs(value - solution.objective.after) < 6e-4 for value in values)
 
 
 @pytest.mark.parametrize(

@@ -111,13 +111,3 @@ def test_the_python_blocks_run(here: Path, capsys) -> None:
     for text in blocks("python"):
         exec(compile(text, "README.md", "exec"), {})
     assert "2.727" in capsys.readouterr().out and (here / "before_after.svg").exists()
-
-
-def test_the_problems_say_what_to_expect() -> None:
-    for file in PROBLEMS.glob("*.toml"):
-        text = file.read_text()
-        head = text[: text.index("format = 1")]
-        assert head.startswith("# What it shows:") and "# Expect:" in head.replace("\n#\n", "\n")
-        values = [float(x) for x in re.findall(r"-?\d+\.\d{3,6}\b", head.split("# Expect:")[1])]
-        best = copose.solve(copose.load(file)).objective.after
-        assert any(abs(value - best) < 6e-4 for value in values), file
