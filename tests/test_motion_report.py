@@ -68,7 +68,8 @@ def made(
         rows.append({
             "joints": {name: [bend[k], 1e-5 * (i + 1)] for i, name in enumerate(names)},
             "object": place, "closure_error": dict.fromkeys(names, 1e-12), "ellipsoid": NOTHING,
-            "log_volumes": {"pseudoinverse": None, "torque-optimal": None}, "arms": drawn, "objective": 1.0 + time[k],
+            "log_volumes": {"pseudoinverse": None, "torque-optimal": None},
+            "arms": drawn, "objective": 1.0 + time[k],
             "velocity": {name: [speed[k], 0.0] for name in names},
             "acceleration": {name: [1.0, -2.0] for name in names},
             "torque": None if k == 2 else {name: [k, -1.0] for name in names},
