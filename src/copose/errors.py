@@ -46,14 +46,14 @@ def one_line(text: str) -> str:
     return clean
 
 
-def together(faults: Iterable[str]) -> str:
-    """As many different faults as fit into a message, at least one, and how many more there are."""
-    told = list(dict.fromkeys(faults))
+def together(parts: Iterable[str], apart: str = "; ", most: int = _LISTED) -> str:
+    """As many different faults, or names, as fit, at least one, and how many more there are."""
+    told = list(dict.fromkeys(parts))
     kept = 1
-    while kept < len(told) and len("; ".join(told[: kept + 1])) <= _LISTED:
+    while kept < len(told) and len(apart.join(told[: kept + 1])) <= most:
         kept += 1
     more = f" (and {len(told) - kept} more)" if kept < len(told) else ""
-    return "; ".join(told[:kept]) + more
+    return apart.join(told[:kept]) + more
 
 
 def arm_key(number: int, name: str) -> str:

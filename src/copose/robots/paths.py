@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 
-from copose.errors import InputError, nearest
+from copose.errors import InputError, nearest, together
 
 EXAMPLES = "example-robot-data://"
 PACKAGE = "package://"
-# Folders that a message names one by one.
-_NAMED = 5
+# Characters of the folders that a message names.
+_LISTED = 100
 
 
 class MissingPackageError(InputError):
@@ -94,9 +94,7 @@ def _package(name: str, packages: Mapping[str, Path], near: Sequence[Path]) -> P
 
 
 def _listed(folders: Sequence[Path]) -> str:
-    named = list(dict.fromkeys(map(str, folders)))
-    more = f" and {len(named) - _NAMED} more" if len(named) > _NAMED else ""
-    return ", ".join(named[:_NAMED]) + more
+    return together(map(str, folders), ", ", _LISTED)
 
 
 def _package_folders(package: str) -> list[Path]:
