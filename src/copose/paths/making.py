@@ -19,7 +19,7 @@ from copose.paths.obstruction import (
     outpaced,
     uncarried,
 )
-from copose.paths.outrunning import outrun
+from copose.paths.rate_bounds import outrun
 from copose.paths.roadmap import Roadmap
 from copose.paths.straining import holding_shares
 from copose.paths.trying import Ends, Trial, Tried

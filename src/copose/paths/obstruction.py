@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from copose.paths.course import Course
-from copose.paths.outrunning import Outrun
+from copose.paths.rate_bounds import Outrun
 from copose.paths.roadmap import Roadmap
 from copose.paths.routes import Finder
 from copose.paths.solving import Shaped

@@ -28,10 +28,12 @@ _PEAKED = 8
 _DRAWN, _SWEEPS, _GAIN = 8, 8, 1e-9
 # Of these, how many are improved by two arms at a time.
 _POLISHED = 2
-# So many combinations that a closed motion may begin with are followed, some rad or m apart; and
-# where the arms let few of them return together, so many are looked at, at last those beside each
-# other too.
-_BEGINNINGS, _LOOKED_AT, _BEGIN_APART = 8, 256, (0.5, 0.0)
+# Combinations that a closed motion may begin with which are followed.
+_BEGINNINGS = 8
+# The same, looked at where the arms let few of them return together.
+_LOOKED_AT = 256
+# How far apart they are, rad or m, at first and at last.
+_BEGIN_APART = (0.5, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,10 @@ from copose.poses import Array, Mask
 from copose.problem import ConstraintsSpec, Problem, case_problems, moved
 from copose.robots import Arm, load_arms
 
-# The limit of a torque that has none, N·m at least, and times the largest that there is.
-_ENDLESS, _FAR_BEYOND = 1e5, 1e4
+# The limit of a torque that has none, N·m at least.
+_ENDLESS = 1e5
+# The same, times the largest limit that there is.
+_FAR_BEYOND = 1e4
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,8 +38,10 @@ _NOISE = 5e-6
 _CAUTION = 1.8
 # Pairs of capsules of two carriers that a program has room for, at most.
 _ROOM = 2
-# Nearest misses that are one, m, and how many postures have to share it.
-_ALIKE, _MANY = 1e-6, 8
+# Nearest misses that differ by less are one, m.
+_ALIKE = 1e-6
+# Postures that have to share the nearest miss for it to depend on no joint.
+_MANY = 8
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,10 @@ from copose.planning.self_motion import ArmSample
 from copose.poses import Array
 from copose.robots import finite_range
 
-# Nearest misses of a sample, and random postures, from which the nearest of all is sought.
-_TRIED, _DRAWN = 12, 20
+# Nearest misses of a sample from which the nearest of all is sought.
+_TRIED = 12
+# Random postures beside them.
+_DRAWN = 20
 # What is a miss, m or rad.
 _MISSED = 1e-6
 # What the misses of all of them differ by at most where they are one, m or rad.
