@@ -25,9 +25,12 @@ def run() -> int:
             warnings.simplefilter("ignore")
         from copose.cli import main
 
-        return main()
+        status = main()
     except Exception as error:
-        return _failed(error)
+        status = _failed(error)
+    # Nothing is left to interrupt; an interpreter on its way out would die of it without a word.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return status
 
 
 def _interrupted(*_: object) -> None:
