@@ -283,7 +283,7 @@ def _write(
 
 @contextlib.contextmanager
 def _spared(file: Path) -> Iterator[None]:
-    """What an answer stands without: where it fails, a line says so."""
+    """A file that an answer can do without: where it fails, a line says so."""
     try:
         yield
     except InputError as error:
@@ -330,7 +330,7 @@ def _print(content: RenderableType) -> None:
 
 @contextlib.contextmanager
 def _printing() -> Iterator[None]:
-    """Where standard output is written to, at once.
+    """Output that is written to standard output at once.
 
     Raises:
         BrokenPipeError: the reader has gone.

@@ -85,7 +85,7 @@ class HoldingTorque(Sums):
     """
 
     def __init__(self, *, moving: bool = False) -> None:
-        """Of arms at rest, or of those that move with the object."""
+        """The sums of arms at rest, or of arms that move with the object."""
         self._moving = moving
         self.uses = ("motion", "balance", "fall") if moving else ("balance", "fall")
 

@@ -28,7 +28,7 @@ _TINY = 1e-300
 
 
 class JointMotion(Enum):
-    """Which joint accelerations go with an acceleration of the object."""
+    """The joint accelerations that go with an acceleration of the object."""
 
     FREE = "any: null motion is whatever serves best"
     LEAST_NORM = "q̈_i = J_i⁺X_i a_o"
@@ -187,7 +187,7 @@ class Dynamics:
         return np.where(sound, share, np.inf)
 
     def inside(self, demand: Demand, part: float) -> tuple[Array, Array, Array]:
-        """What meets a demand with a part of the torque limits: a place to start from.
+        """A start for programs: a demand met with a part of the torque limits.
 
         Returns:
             t, (count,), q̈, (count, N), and h, (count, Km), stacked over the arms; NaN where there

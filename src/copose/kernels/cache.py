@@ -169,7 +169,7 @@ def _held(left: Path, *, alone: bool = False) -> Iterator[int]:
 
 
 def _content(file: Path) -> bytes | None:
-    """What is in a file; None where it is none, or not the user's alone."""
+    """The content of a file; None where it is none, or not the user's alone."""
     try:
         state = file.lstat()
         own = stat.S_ISREG(state.st_mode) and state.st_uid == os.geteuid()
@@ -248,7 +248,7 @@ def fill(codes: Mapping[str, Callable[[], Code]], *, wait: bool) -> None:
 def _script(
     codes: Mapping[str, Callable[[], Code]], command: list[str], place: Path, scratch: Path
 ) -> str:
-    """What compiles kernels in a folder, tries each, moves it to its place and clears up."""
+    """A shell script that compiles kernels in a folder, tries and moves each, and clears up."""
     lines = ["umask 077"]
     patient = shutil.which("timeout")
     limited = [patient, str(int(_PATIENCE))] if patient is not None else []

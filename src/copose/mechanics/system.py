@@ -173,7 +173,7 @@ class ArmMechanics:
         return ca.substitute(ca.jtimes(self.J @ rate, self.q, rate), rate, speed)
 
     def mass_fault(self) -> str:
-        """Why M cannot be used, with the joint at fault; empty where it can."""
+        """The reason why M cannot be used, with the joint at fault; empty where it can."""
         arm = self.arm
         mass_at = ca.Function("M", [self.q], [self.M])
         rng = np.random.default_rng(0)

@@ -110,7 +110,7 @@ class Journey:
 
     @property
     def still(self) -> bool:
-        """Whether the object stays where it is."""
+        """True where the object stays in its place."""
         return self.size < _NOTHING
 
     @property

@@ -161,7 +161,7 @@ class Lattice:
 
     @property
     def open(self) -> bool:
-        """Whether there is a route."""
+        """True where there is a route."""
         came = np.isfinite(self.values[0])
         for value, one, other in zip(self.values[1:], self.one, self.other, strict=True):
             came = _count(one.allowed.T @ came) @ other.allowed > 0

@@ -32,10 +32,16 @@ from copose.poses import Array
 from copose.problem import PathSpec
 from copose.results import Motion, PathSearchRecord, RouteRecord
 
-# Layers of the graph, at least, at least where the object stays and arms may go far along their
-# self-motions, where arms have no posture to start in either, and at most; the object moves at most
-# so far between two, m.
-_LAYERS, _STILL_LAYERS, _FREE_LAYERS, _MOST_LAYERS, _APART = 25, 81, 5, 201, 0.05
+# Layers of the graph, at least.
+_LAYERS = 25
+# The same where the object stays and arms may go far along their self-motions.
+_STILL_LAYERS = 81
+# The same where the object stays and arms have no posture to start or end in either.
+_FREE_LAYERS = 5
+# Layers of the graph, at most.
+_MOST_LAYERS = 201
+# How far the object moves between two layers, at most, m.
+_APART = 0.05
 # How many times finer postures are looked at again where an arm does not go through.
 _FINER = 4
 # By how much a motion may fall behind what another route promises, relative.
