@@ -500,11 +500,15 @@ def test_local_optima_are_counted() -> None:
 
 
 def test_progress_is_told_and_only_grows() -> None:
-    told: list[tuple[str, float]] = []
-    copose.solve(parse(planar()), progress=lambda what, done: told.append((what, done)))
-    shares = [done for _, done in told]
-    assert shares == sorted(shares) and shares[0] >= 0 and shares[-1] <= 1
-    assert len({what for what, _ in told}) >= 4
+    told: list[copose.Progress] = []
+    solution = copose.solve(parse(planar()), progress=told.append)
+    elapsed = [now.elapsed for now in told]
+    assert elapsed == sorted(elapsed) and elapsed[0] >= 0
+    assert len({now.stage for now in told}) >= 4
+    assert all(now.done is None or now.total is None or now.done <= now.total for now in told)
+    best = [now.best for now in told if now.best is not None]
+    assert best == sorted(best)
+    assert best[-1] == pytest.approx(solution.objective.after, abs=1e-9)
 
 
 class TestPaperFigures:

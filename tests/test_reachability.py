@@ -635,7 +635,7 @@ def test_optima_that_cannot_be_reached_are_dropped(pair: dict) -> None:
     machinery, setting = ready(pair["cell"])
     starts = [np.array(q) for q in pair["solution"].before.joints.values()]
     effort = EFFORTS["low"]
-    within = WithinReach.of(machinery, setting, starts, 0, effort, lambda what, done: None)
+    within = WithinReach.of(machinery, setting, starts, 0, effort)
     best = copose.solve(parse(pair["cell"] | {"search": {}})).after.joints
     far = np.concatenate(list(best.values()))
     near = np.concatenate(list(pair["solution"].after.joints.values()))

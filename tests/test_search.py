@@ -189,8 +189,8 @@ def test_verification_says_whether_the_answer_stands(monkeypatch: pytest.MonkeyP
 
     honest = module.search
 
-    def blind(machinery, setting, seed, effort, progress):
-        found = honest(machinery, setting, seed, effort, progress)
+    def blind(machinery, setting, seed, effort):
+        found = honest(machinery, setting, seed, effort)
         if seed == 0:
             object.__setattr__(found, "optima", found.optima[-1:])
         return found

@@ -168,7 +168,7 @@ def test_measuring_does_not_wait_for_a_search() -> None:
     postures = {name: np.zeros((3, 3)) for name in ("a1", "a2")}
     begun, ended = threading.Event(), threading.Event()
 
-    def told_to_wait(what: str, done: float) -> None:
+    def told_to_wait(now: copose.Progress) -> None:
         begun.set()
         ended.wait(60)
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from copose.paths import PathPlanner, plan
     from copose.planning import Check, Planner, check, evaluate, solve, verify
     from copose.problem import Problem, load, parse
+    from copose.progress import Progress
     from copose.report import compare, draw
     from copose.results import Motion, Solution, read_motion, read_solution
     from copose.version import __version__
@@ -27,6 +28,7 @@ _HOMES = {
     "PathPlanner": "paths",
     "Planner": "planning",
     "Problem": "problem",
+    "Progress": "progress",
     "Solution": "results",
     "__version__": "version",
     "check": "planning",
@@ -51,6 +53,7 @@ __all__ = [
     "PathPlanner",
     "Planner",
     "Problem",
+    "Progress",
     "Solution",
     "__version__",
     "check",

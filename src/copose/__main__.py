@@ -8,12 +8,15 @@ import contextlib
 import os
 import signal
 import sys
+import time
 
 FAILED, INTERRUPTED = 4, 128 + 2
 
 
 def run() -> int:
     """Run the command line of this process and return its exit status."""
+    # What the interpreter has computed until here is, but for waiting, since the process began.
+    began = time.perf_counter() - time.process_time()
     # In the background of a script ^C is not meant for us: then it is ignored already.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupted)
@@ -25,7 +28,7 @@ def run() -> int:
             warnings.simplefilter("ignore")
         from copose.cli import main
 
-        status = main()
+        status = main(began=began)
     except Exception as error:
         status = _failed(error)
     # Nothing is left to interrupt; an interpreter on its way out would die of it without a word.

@@ -6,17 +6,18 @@ import argparse
 import contextlib
 import os
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TextIO
 
 from copose.errors import InputError, one_line, shown
+from copose.progress import Progress, Tell, stage, watched
 from copose.version import __version__
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from copose.planning.climbing import Progress
     from copose.problem import Problem
     from copose.results import Motion, Solution
 
@@ -30,8 +31,14 @@ _FIGURE = "also draw a .png, .pdf or .svg"
 _MISS = f"{_FIGURE}; of an infeasible problem, its nearest miss"
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command line and return its exit status."""
+def main(argv: Sequence[str] | None = None, *, began: float | None = None) -> int:
+    """Run a command line and return its exit status.
+
+    Args:
+        argv: the command line; default that of the process.
+        began: when the command did, on the clock of `time.perf_counter`; default now.
+    """
+    began = time.perf_counter() if began is None else began
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(AttributeError, ValueError):
             stream.reconfigure(errors="replace")  # type: ignore[union-attr]
@@ -42,6 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             # After --help and --version: mistakes are input errors here.
             with _printing():
                 return SOLVED
+        arguments.began = began
         status: int = arguments.run(arguments)
         return status
     except InputError as error:
@@ -104,10 +112,13 @@ def _parser() -> argparse.ArgumentParser:
         "--figure", type=Path, metavar="FILE", default=Path("compare.png"),
         help="the picture, a .png, .pdf or .svg (default: compare.png)",
     )  # fmt: skip
-    compare.add_argument("--quiet", action="store_true", help="print no table")
+    _add_telling(compare)
     compare.set_defaults(run=_compare)
 
-    _command(commands, "check", "read the file and the robots, and print the chains", _check)
+    check = _command(
+        commands, "check", "read the file and the robots, and print the chains", _check
+    )
+    _add_telling(check)
     return parser
 
 
@@ -127,8 +138,14 @@ def _add_outputs(command: argparse.ArgumentParser, beside: tuple[str, ...], figu
         help=f"folder for {', '.join(others)} and {last} (default: the problem's name)",
     )  # fmt: skip
     command.add_argument("--figure", type=Path, metavar="FILE", help=figure)
-    command.add_argument("--quiet", action="store_true", help="print no table")
+    _add_telling(command)
     command.add_argument("--json", action="store_true", help="print the result instead of a table")
+
+
+def _add_telling(command: argparse.ArgumentParser) -> None:
+    told = command.add_mutually_exclusive_group()
+    told.add_argument("--quiet", action="store_true", help="print no table, show no progress")
+    told.add_argument("--verbose", action="store_true", help="print a line a stage on stderr")
 
 
 def _seed(text: str) -> int:
@@ -138,68 +155,69 @@ def _seed(text: str) -> int:
 
 
 def _solve(arguments: argparse.Namespace) -> int:
-    folder, problem = _prepare(arguments, (_PICTURE,))
-    from copose.planning import Planner
+    with _watched(arguments):
+        folder, problem = _prepare(arguments, (_PICTURE,))
+        from copose.planning import solve
 
-    with _progress(arguments) as progress:
-        solution = Planner(problem).solve(
-            seed=arguments.seed,
-            effort=arguments.effort,
-            verify=arguments.verify,
-            progress=progress,
+        solution = solve(
+            problem, seed=arguments.seed, effort=arguments.effort, verify=arguments.verify
         )
-    return _finish(solution, folder, arguments)
+        _write_solution(solution, folder, arguments)
+    return _say_solution(solution, folder, arguments)
 
 
 def _path(arguments: argparse.Namespace) -> int:
     wanted = {_TRAJECTORY: True, _ROS: arguments.ros, _WAY: True, _FILM: arguments.animate}
-    folder, problem = _prepare(arguments, [name for name, asked in wanted.items() if asked])
-    from copose.paths import plan
+    with _watched(arguments):
+        folder, problem = _prepare(arguments, [name for name, asked in wanted.items() if asked])
+        from copose.paths import plan
 
-    with _progress(arguments) as progress:
-        motion = plan(problem, seed=arguments.seed, progress=progress)
-    from copose.report import motion_animation, motion_picture, motion_table
-    from copose.results import joint_trajectory_yaml, trajectory_csv
+        motion = plan(problem, seed=arguments.seed)
+        from copose.report import motion_animation, motion_picture, motion_table
+        from copose.results import joint_trajectory_yaml, trajectory_csv
 
-    makers: dict[str, Callable[[], bytes]] = {
-        _TRAJECTORY: lambda: trajectory_csv(motion).encode(),
-        _ROS: lambda: joint_trajectory_yaml(motion).encode(),
-        _WAY: lambda: motion_picture(motion, "png"),
-        _FILM: lambda: motion_animation(motion),
-    }
-    solved = motion.status == "solved"
-    beside = {name: make for name, make in makers.items() if solved and wanted[name]}
-    figure = arguments.figure if solved else None
-    _write(motion, folder, beside, figure)
+        makers: dict[str, Callable[[], bytes]] = {
+            _TRAJECTORY: lambda: trajectory_csv(motion).encode(),
+            _ROS: lambda: joint_trajectory_yaml(motion).encode(),
+            _WAY: lambda: motion_picture(motion, "png"),
+            _FILM: lambda: motion_animation(motion),
+        }
+        solved = motion.status == "solved"
+        beside = {name: make for name, make in makers.items() if solved and wanted[name]}
+        _write(motion, folder, beside, arguments.figure if solved else None)
     return _say(motion, motion_table(motion), folder, arguments)
 
 
 def _evaluate(arguments: argparse.Namespace) -> int:
-    folder, problem = _prepare(arguments, (_PICTURE,))
-    from copose.planning import evaluate
-    from copose.results import read_solution
+    with _watched(arguments):
+        folder, problem = _prepare(arguments, (_PICTURE,))
+        from copose.planning import evaluate
+        from copose.results import read_solution
 
-    result = None if arguments.joints is None else read_solution(arguments.joints)
-    try:
-        solution = evaluate(problem, result)
-    except InputError as error:
-        if error.file is None:
-            raise InputError(error.message, key=error.key, file=arguments.joints) from None
-        raise
-    return _finish(solution, folder, arguments)
+        result = None if arguments.joints is None else read_solution(arguments.joints)
+        try:
+            solution = evaluate(problem, result)
+        except InputError as error:
+            if error.file is None:
+                raise InputError(error.message, key=error.key, file=arguments.joints) from None
+            raise
+        _write_solution(solution, folder, arguments)
+    return _say_solution(solution, folder, arguments)
 
 
 def _compare(arguments: argparse.Namespace) -> int:
-    from copose.report import check_format, compare, comparison_table, draw_comparison
-    from copose.results import read_solution
+    with _watched(arguments):
+        from copose.report import check_format, compare, comparison_table, draw_comparison
+        from copose.results import read_solution
 
-    check_format(arguments.figure)
-    _check_place(arguments.figure)
-    files = arguments.one, arguments.other
-    one, other = (read_solution(file) for file in files)
-    found = compare(one, other, (str(files[0]), str(files[1])))
-    with _spared(arguments.figure):
-        draw_comparison(found, arguments.figure)
+        check_format(arguments.figure)
+        _check_place(arguments.figure)
+        files = arguments.one, arguments.other
+        one, other = (read_solution(file) for file in files)
+        found = compare(one, other, (str(files[0]), str(files[1])))
+        stage("drawing")
+        with _spared(arguments.figure):
+            draw_comparison(found, arguments.figure)
     if not arguments.quiet:
         _print(comparison_table(found))
         _print_place(arguments.figure)
@@ -207,14 +225,15 @@ def _compare(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from copose.paths import described
-    from copose.planning import check
-    from copose.problem import load
-    from copose.report import chains
+    with _watched(arguments):
+        from copose.paths import described
+        from copose.planning import check
+        from copose.problem import load
+        from copose.report import chains
 
-    problem = load(arguments.problem)
-    found = check(problem)
-    way = described(problem, found.arms)
+        problem = load(arguments.problem)
+        found = check(problem)
+        way = described(problem, found.arms)
     _print(chains(problem.name, problem.task.space, found.arms, found.notes, way))
     return SOLVED
 
@@ -249,13 +268,17 @@ def _check_place(file: Path) -> None:
         raise InputError("is a folder that you may not write to", file=existing)
 
 
-def _finish(solution: Solution, folder: Path, arguments: argparse.Namespace) -> int:
-    """Write and print an answer."""
-    from copose.report import picture, solution_table
+def _write_solution(solution: Solution, folder: Path, arguments: argparse.Namespace) -> None:
+    from copose.report import picture
 
     solved = solution.status == "solved"
     beside = {_PICTURE: lambda: picture(solution, "png")} if solved else {}
     _write(solution, folder, beside, arguments.figure)
+
+
+def _say_solution(solution: Solution, folder: Path, arguments: argparse.Namespace) -> int:
+    from copose.report import solution_table
+
     return _say(solution, solution_table(solution), folder, arguments)
 
 
@@ -273,6 +296,8 @@ def _write(
         with _spared(folder / name):
             (folder / name).unlink(missing_ok=True)
     write_file(folder / _RESULT, to_json(answer).encode())
+    if beside or figure is not None:
+        stage("drawing")
     for name, make in beside.items():
         with _spared(folder / name):
             write_file(folder / name, make())
@@ -363,20 +388,60 @@ def _emptied(stream: TextIO) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _progress(arguments: argparse.Namespace) -> Iterator[Progress | None]:
-    """A progress bar on a terminal, nothing in a pipe."""
-    if arguments.quiet or arguments.json or not sys.stderr.isatty():
+def _watched(arguments: argparse.Namespace) -> Iterator[None]:
+    """A command that shows what it is doing."""
+    with _shown(arguments) as tell, watched(tell, began=arguments.began):
+        stage("reading")
+        yield
+
+
+@contextlib.contextmanager
+def _shown(arguments: argparse.Namespace) -> Iterator[Tell | None]:
+    """What shows progress on stderr: lines if they are asked for, else one that changes on a
+    terminal, and nothing in a pipe.
+    """
+    if arguments.verbose:
+        last = ""
+
+        def told(now: Progress) -> None:
+            nonlocal last
+            if now.stage != last:
+                last = now.stage
+                _tell(_in_words(now, now.elapsed))
+
+        yield told
+        return
+    if arguments.quiet or not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, TextColumn
-    from rich.progress import Progress as Bar
+    from rich.live import Live
+    from rich.text import Text
 
-    columns = (
-        TextColumn("{task.description:<24}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f}%"),
-    )
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("building", total=1.0)
-        yield lambda what, done: bar.update(task, description=what, completed=done)
+    latest: Progress | None = None
+
+    def line() -> Text:
+        words = "" if latest is None else _in_words(latest, time.perf_counter() - arguments.began)
+        return Text(words, no_wrap=True, overflow="ellipsis")
+
+    with Live(
+        get_renderable=line, console=Console(stderr=True), transient=True, refresh_per_second=8
+    ) as live:
+
+        def show(now: Progress) -> None:
+            nonlocal latest
+            another = latest is None or now.stage != latest.stage
+            latest = now
+            if another:
+                # What follows may leave the thread that shows the time no turn.
+                live.refresh()
+
+        yield show
+
+
+def _in_words(now: Progress, elapsed: float) -> str:
+    """Time, stage, count and the best so far."""
+    count = "" if now.done is None else f" {now.done}"
+    count += "" if now.total is None else f"/{now.total}"
+    best = "" if now.best is None else f", best so far {now.best:.6g}"
+    return f"{elapsed:.1f} s: {now.stage}{count}{best}"

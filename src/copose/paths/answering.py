@@ -52,7 +52,7 @@ class Answer:
     machinery: Machinery
     build_s: float
     began: float
-    compiled: bool
+    compiled: bool = False
     duration: float = 0.0
     notes: list[str] = field(default_factory=list)
     reachable: bool | None = None
@@ -60,13 +60,18 @@ class Answer:
     def __post_init__(self) -> None:
         """The duration asked for, a second where it is sought."""
         self.duration = 1.0 if self.path.duration == "shortest" else float(self.path.duration)
-        if self.reachable is False:
-            self.notes.append(
-                "the best posture of all cannot be reached from the start without letting go: the "
-                "motion goes to the best that can"
-            )
         if self.problem.object.velocity is not None:
             self.notes.append("object.velocity does not enter: the path says how the object moves")
+
+    def aimed(self, reachable: bool | None) -> None:
+        """Whether the best posture, to which the motion goes, can be reached."""
+        self.reachable = reachable
+        if reachable is False:
+            self.notes.insert(
+                0,
+                "the best posture of all cannot be reached from the start without letting go: the "
+                "motion goes to the best that can",
+            )
 
     def stopped(self, why: Obstruction, search: PathSearchRecord | None) -> Motion:
         """No motion, and why."""

@@ -25,11 +25,11 @@ from copose.paths.straining import holding_shares
 from copose.paths.trying import Ends, Trial, Tried
 from copose.paths.values import Values
 from copose.planning.capacity import HELD
-from copose.planning.climbing import Progress
 from copose.planning.machinery import Machinery
 from copose.planning.running import Run
 from copose.poses import Array
 from copose.problem import PathSpec
+from copose.progress import stage
 from copose.results import Motion, PathSearchRecord, RouteRecord
 
 # Layers of the graph, at least.
@@ -60,13 +60,11 @@ class Making:
         finisher: makes motions.
         answer: puts results together.
         seed: of everything that is drawn.
-        progress: is told.
     """
 
     finisher: Finisher
     answer: Answer
     seed: int
-    progress: Progress
 
     @property
     def path(self) -> PathSpec:
@@ -97,12 +95,11 @@ class Making:
         why = self._follow(course, held, roadmaps)
         if why is not None:
             return self.answer.stopped(why, self._record(course, roadmaps, 0, []))
-        self.progress("finding routes", 0.4)
+        stage("finding routes")
         values = Values(self.machinery, course, roadmaps)
         trial = Trial(
-            self.finisher, course, held, roadmaps, values, self.answer.duration, self.seed,
-            self.progress,
-        )  # fmt: skip
+            self.finisher, course, held, roadmaps, values, self.answer.duration, self.seed
+        )
         if self.finisher.shaper.shortest:
             least = trial.least_duration()
             trial = trial.lasting(_FROM * least if 0 < least < np.inf else 1.0)
@@ -116,7 +113,7 @@ class Making:
         record = self._record(course, roadmaps, values.combinations, outcome.tried)
         if outcome.why is not None:
             return self.answer.stopped(outcome.why, record)
-        self.progress("checking between knots", 0.95)
+        stage("checking between knots")
         found = self._finished(outcome.tried, trial)
         if isinstance(found, Obstruction):
             return self.answer.stopped(found, record)
@@ -159,7 +156,7 @@ class Making:
         cell = self.machinery.cell
         first = np.full(sum(arm.n for arm in cell.arms), np.nan)
         setting = self.finisher.course(2).settings[0]
-        run = Run(self.machinery, setting, self.seed, 0.0, 0.0, self.progress)
+        run = Run(self.machinery, setting, self.seed, 0.0, 0.0)
         for i, (arm, part) in enumerate(zip(cell.arms, cell.system.split(first), strict=True)):
             if arm.start is not None:
                 q, notes = run.start(i)
@@ -174,7 +171,7 @@ class Making:
         cell = self.machinery.cell
         parts = zip(cell.system.split(held.first), cell.system.split(held.last), strict=True)
         for i, both in enumerate(parts):
-            self.progress(f"following arm {cell.arms[i].name}", 0.3 * i / len(cell.arms))
+            stage(f"following arm {cell.arms[i].name}", i, len(cell.arms))
             start, goal = (q if np.isfinite(q).all() else None for q in both)
             roadmap = self._roadmap(course, i, start, goal)
             roadmaps.append(roadmap)

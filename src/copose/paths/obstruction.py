@@ -22,6 +22,7 @@ from copose.planning.reach_bounds import excluded
 from copose.planning.search import EFFORTS
 from copose.planning.self_motion import ArmSampler
 from copose.poses import Array
+from copose.progress import StoppedError
 
 _DRAWN = 64
 
@@ -255,6 +256,11 @@ def overloaded(
         f"{told[strain.what]}",
         sure=judged > 0,
     )
+
+
+def unfound(stop: StoppedError) -> Obstruction:
+    """The planner had to end before it found a motion."""
+    return Obstruction("failed", f"{stop}: no motion was found yet")
 
 
 def program_failed(found: Shaped) -> Obstruction:

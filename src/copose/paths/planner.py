@@ -11,14 +11,14 @@ from copose.paths.asking import asked
 from copose.paths.drive import Drive
 from copose.paths.finishing import Finisher
 from copose.paths.making import Making
-from copose.paths.obstruction import Obstruction
+from copose.paths.obstruction import Obstruction, unfound
 from copose.paths.reconfiguring import aim
 from copose.paths.shaping import Shaper
 from copose.paths.trying import Ends
 from copose.planning.cell import Cell
-from copose.planning.climbing import Progress
 from copose.planning.machinery import Machinery
 from copose.problem import PathSpec, PlanarWaypoint, Problem, Waypoint
+from copose.progress import StoppedError, Tell, sheltered, stage, watched
 from copose.results import Motion
 
 
@@ -72,7 +72,8 @@ class PathPlanner:
         self,
         *,
         seed: int | None = None,
-        progress: Progress | None = None,
+        progress: Tell | None = None,
+        time_limit: float | None = None,
         ends: Ends | None = None,
     ) -> Motion:
         """The best joint motion along the path.
@@ -82,28 +83,37 @@ class PathPlanner:
 
         Args:
             seed: in place of the file's.
-            progress: called with what is being done and the fraction of the whole behind.
+            progress: called with a `copose.Progress` as stages begin and the best so far grows.
+            time_limit: s; the best found by then is the answer, with a note, or ``failed`` where
+                there is none yet. Answers under a limit may differ from run to run.
             ends: postures to begin and to end with in place of the file's ``start``.
 
         Returns:
             A motion whose ``status`` is ``solved``; ``infeasible`` with when and where as
             ``reason``, or ``failed``.
         """
-        began = time.perf_counter()
-        compiled = self._compiled(wait=False)
-        target = None
-        if self.problem.path is None and ends is None:
-            target = aim(self.problem, seed, progress)
-            ends = target.ends
         answer = Answer(
             problem=self.problem,
             path=self.path,
             machinery=self._machinery,
             build_s=self.build_s,
-            began=began,
-            compiled=compiled,
-            reachable=None if target is None else target.reachable,
+            began=time.perf_counter(),
         )
+        with watched(progress, time_limit):
+            try:
+                return self._answered(answer, seed, ends)
+            except StoppedError as stop:
+                with sheltered():
+                    return answer.stopped(unfound(stop), None)
+
+    def _answered(self, answer: Answer, seed: int | None, ends: Ends | None) -> Motion:
+        """The answer, from what may be known of its ends."""
+        answer.compiled = self._compiled(wait=False)
+        target = None
+        if self.problem.path is None and ends is None:
+            target = aim(self.problem, seed)
+            ends = target.ends
+            answer.aimed(target.reachable)
         if target is not None and target.ends is None:
             failed = target.solution.status == "failed"
             reason = target.solution.reason or "no posture was found"
@@ -119,7 +129,6 @@ class PathPlanner:
             ),
             answer=answer,
             seed=self.problem.search.seed if seed is None else seed,
-            progress=progress if progress is not None else _silent,
         )
         return making.motion(ends)
 
@@ -130,16 +139,18 @@ def _still(problem: Problem) -> PathSpec:
     return PathSpec(waypoints=stay)
 
 
-def plan(problem: Problem, *, seed: int | None = None, progress: Progress | None = None) -> Motion:
+def plan(
+    problem: Problem,
+    *,
+    seed: int | None = None,
+    progress: Tell | None = None,
+    time_limit: float | None = None,
+) -> Motion:
     """The best joint motion along the path of a problem: `PathPlanner.plan` of a new planner.
 
     Raises:
         InputError: a robot cannot be used, or the path cannot be what it asks for.
     """
-    if progress is not None:
-        progress("building", 0.0)
-    return PathPlanner(problem).plan(seed=seed, progress=progress)
-
-
-def _silent(what: str, done: float) -> None:
-    """No one asked to be told."""
+    with watched(progress, time_limit):
+        stage("building")
+        return PathPlanner(problem).plan(seed=seed)

@@ -8,7 +8,6 @@ import numpy as np
 
 from copose.paths.trying import Ends
 from copose.planning import Planner
-from copose.planning.climbing import Progress
 from copose.poses import Array
 from copose.problem import Problem
 from copose.results import Solution
@@ -29,15 +28,15 @@ class Aim:
     reachable: bool | None
 
 
-def aim(problem: Problem, seed: int | None, progress: Progress | None) -> Aim:
+def aim(problem: Problem, seed: int | None) -> Aim:
     """The best posture, or the best that can be reached without letting go."""
-    solution = Planner(problem).solve(seed=seed, progress=progress)
+    solution = Planner(problem).solve(seed=seed)
     reachable = solution.reachable_from_start
     if solution.after is not None and reachable is not True and not problem.search.reachable:
         within = problem.search.model_copy(update={"reachable": True})
         other = problem.model_copy(update={"search": within})
         other._source = problem.source
-        solution = Planner(other).solve(seed=seed, progress=progress)
+        solution = Planner(other).solve(seed=seed)
     if solution.after is None or solution.before is None:
         return Aim(solution, None, reachable)
     first, last = (_stacked(posture.joints) for posture in (solution.before, solution.after))

@@ -24,10 +24,10 @@ from copose.paths.solving import Shaped, Wanted
 from copose.paths.straining import Strain, largest_strain
 from copose.paths.values import Values
 from copose.planning.capacity import HELD
-from copose.planning.climbing import Progress
 from copose.planning.giving_way import heaviest
 from copose.planning.machinery import Machinery
 from copose.poses import Array
+from copose.progress import stage
 
 # Routes that are optimised, and where the graph knows less: an arm has more than one degree of
 # freedom to spare, forces are limited, or there are more than two arms; they differ by more than
@@ -102,7 +102,6 @@ class Trial:
         values: of combinations of their postures.
         duration: s; where the shortest is sought, the one that is reckoned with.
         seed: of everything that is drawn.
-        progress: is told.
     """
 
     finisher: Finisher
@@ -112,7 +111,6 @@ class Trial:
     values: Values
     duration: float
     seed: int
-    progress: Progress
     _known: list[tuple[Array, Tried]] = field(default_factory=list)
 
     def lasting(self, duration: float) -> Trial:
@@ -259,7 +257,7 @@ class Trial:
         """What a program makes of a route, by way of the best motion without limits of torques and
         accelerations: routes to the same of those are one.
         """
-        self.progress("shaping the motion", 0.7)
+        stage("shaping the motion")
         finisher, course = self.finisher, self.course
         if finisher.shaper.shortest or not finisher.shaper.forceful:
             return self._direct(route)
@@ -286,7 +284,7 @@ class Trial:
 
     def _direct(self, route: Route) -> Tried:
         """What a program makes of a route itself."""
-        self.progress("shaping the motion", 0.8)
+        stage("shaping the motion")
         q = self.finisher.closed(self._finder.postures(route), self.course)
         wanted = self.wanted(q, self.duration)
         return self._valued(
@@ -320,7 +318,7 @@ class Trial:
         """What strains the motion near a route's, (n, N), that spares torques and accelerations
         most, and what a program makes of it where that is within the limits.
         """
-        self.progress("sparing torques", 0.8)
+        stage("sparing torques")
         finisher, course = self.finisher, self.course
         wanted = self.wanted(q, self.duration * (_EASY if finisher.shaper.shortest else 1.0))
         if finisher.shaper.hasty:

@@ -13,6 +13,7 @@ from copose.planning.measuring import Measurement
 from copose.planning.notes import extreme_notes, standing_notes
 from copose.planning.objectives import Objective
 from copose.planning.placing import Placed
+from copose.progress import StoppedError
 from copose.results import (
     CasePosture,
     EllipsoidRecord,
@@ -106,6 +107,12 @@ def answer(
         cases_before=_cases(cell, before),
         reachable_from_start=reachable,
     )
+
+
+def unfound(cell: Cell, objective: Objective, stop: StoppedError, timing: Timing) -> Solution:
+    """The result of a call that had to end before it found anything."""
+    reason = f"{stop}: nothing was found yet"
+    return answer(cell, objective, status="failed", reason=reason, timing=timing)
 
 
 def _value(measured: Measurement | Placing | None) -> float | None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeAlias
 
 import numpy as np
 
@@ -14,9 +13,7 @@ from copose.planning.optima import LocalOptimum
 from copose.planning.polishing import Polished
 from copose.planning.program import LocalSolve
 from copose.poses import Array, Mask
-
-Progress: TypeAlias = Callable[[str, float], None]
-"""Called with what is being done and the fraction of the whole that is behind."""
+from copose.progress import attained, stage
 
 SAME_OBJECTIVE = 1e-6
 _SAME_JOINTS = 1e-3
@@ -41,12 +38,10 @@ class Climbs:
     not meet its tolerance, and where the objective has kinks.
     """
 
-    def __init__(
-        self, machinery: Machinery, setting: Setting, progress: Progress, most: int = _KINKED
-    ) -> None:
+    def __init__(self, machinery: Machinery, setting: Setting, most: int = _KINKED) -> None:
         """Nothing polished yet; of what Newton steps leave so many are finished by IPOPT."""
         self._most, self._stopped = min(most, _KINKED), _STOPPED
-        self.machinery, self.setting, self.progress = machinery, setting, progress
+        self.machinery, self.setting = machinery, setting
         self.starts = 0
         self.ends: list[LocalOptimum] = []
         self.failures: list[LocalSolve] = []
@@ -55,6 +50,13 @@ class Climbs:
     def best(self) -> float:
         """The largest objective so far."""
         return max((end.objective for end in self.ends), default=-np.inf)
+
+    def keep(self, q: Array, value: float) -> None:
+        """Count a posture, (N,), among the ends."""
+        self.ends.append(LocalOptimum(q, float(value), 1))
+        # What pays no heed to bodies that have to keep apart is no answer.
+        if self.machinery.clearance is None or self.setting.clearance is not None:
+            attained(float(value))
 
     @property
     def known(self) -> Array:
@@ -118,7 +120,7 @@ class Climbs:
         machinery, setting = self.machinery, self.setting
         if len(starts) == 0:
             return np.zeros(0)
-        self.progress("polishing", 0.6)
+        stage("polishing", self.starts)
         self.starts += len(starts)
         if not machinery.newton:
             return self._solve(starts)
@@ -127,7 +129,7 @@ class Climbs:
         solved = ends.converged & machinery.smooth & held
         values = machinery.objectives(setting, ends.q)
         for q, value in zip(ends.q[solved], values[solved], strict=True):
-            self.ends.append(LocalOptimum(q, float(value), 1))
+            self.keep(q, value)
         left = _left(setting.cell, ends, solved | ~held, machinery.smooth, self._most)
         # Where torque limits or bodies end a climb IPOPT climbs with them, from a start that keeps
         # them; but where not even the climb without them came up to the best, it is no use.
@@ -159,13 +161,13 @@ class Climbs:
         if len(q) == 0:
             return np.zeros(0)
         for k, end in enumerate(machinery.solve_programs(setting, q)):
-            self.progress("polishing", 0.7 + 0.3 * k / len(q))
+            stage("polishing", k, len(q))
             ends.append(end)
         values = machinery.objectives(setting, np.array([end.q for end in ends]))
         good = np.isfinite(values) & np.array([end.converged for end in ends])
         for end, value, fine in zip(ends, values, good, strict=True):
             if fine:
-                self.ends.append(LocalOptimum(end.q, float(value), 1))
+                self.keep(end.q, value)
             else:
                 self.failures.append(end)
         return np.where(good, values, -np.inf)

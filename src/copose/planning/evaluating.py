@@ -21,6 +21,7 @@ from copose.planning.notes import margin_notes
 from copose.planning.placing import Placed
 from copose.poses import Array
 from copose.problem import Problem
+from copose.progress import Tell, stage, watched
 from copose.results import EllipsoidRecord, Posture, Solution, Timing
 
 # What a given posture may miss its grasp or a limit by before it counts as open.
@@ -29,7 +30,10 @@ TOLERANCE = 1e-6
 
 @one_at_a_time
 def evaluate(
-    problem: Problem, joints: Mapping[str, Sequence[float]] | Solution | None = None
+    problem: Problem,
+    joints: Mapping[str, Sequence[float]] | Solution | None = None,
+    *,
+    progress: Tell | None = None,
 ) -> Solution:
     """The ellipsoids of a posture, neither projected nor optimised.
 
@@ -37,6 +41,7 @@ def evaluate(
         problem: as read by `copose.load`.
         joints: joint positions by arm, rad or m; default the ``start`` of every arm. Of a result
             its ``after``, with what is free where it has it; else that is where the file has it.
+        progress: called with a `copose.Progress` as stages begin.
 
     Returns:
         A solution with the posture as ``after``; ``infeasible`` where it is open or breaks a limit.
@@ -44,7 +49,15 @@ def evaluate(
     Raises:
         InputError: an arm has no start, or ``joints`` do not fit the arms.
     """
+    with watched(progress):
+        return _evaluated(problem, joints)
+
+
+def _evaluated(
+    problem: Problem, joints: Mapping[str, Sequence[float]] | Solution | None
+) -> Solution:
     began = time.perf_counter()
+    stage("building")
     cell, freedom = Cell.of(problem), Freedom.of(problem)
     x = freedom.nominal
     if isinstance(joints, Solution):
@@ -57,8 +70,10 @@ def evaluate(
     q = _starts(cell) if joints is None else cell.given(joints)
     meter = Meter(cell)
     built = time.perf_counter()
+    stage("measuring")
     measured = meter.measure(cell, q, everything=True)
     notes = margin_notes(cell, q)
+    stage("measuring distances")
     if problem.constraints.collision:
         scene = Scene.of(cell.problem, cell.arms)
         measured = with_collision(cell, measured, Clearance(cell, scene))

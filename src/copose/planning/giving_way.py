@@ -13,6 +13,7 @@ from copose.planning.limits_measures import Payload
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.search import EFFORTS, search
 from copose.poses import Array
+from copose.progress import hushed
 
 # Combinations of arms' postures that are judged one by one, at most.
 _COMBINED = 4096
@@ -73,7 +74,8 @@ def heaviest(cell: Cell, seed: int) -> Heaviest:
     rest = np.zeros(cell.problem.space.m)
     machinery = Machinery(free, Payload(limits, rest, cell.problem.space))
     setting = machinery.setting(free)
-    found = search(machinery, setting, seed, EFFORTS["normal"], lambda what, done: None)
+    with hushed():
+        found = search(machinery, setting, seed, EFFORTS["normal"])
     nothing = "no posture holds the object at rest within the torque limits"
     q = np.array([optimum.q for optimum in found.optima])
     if len(q) == 0 or setting.holding is None or machinery.capacity is None:

@@ -39,14 +39,14 @@ class PlacedRun:
     def search(self, effort: EffortName, verify: bool) -> Solution:
         """Search everything."""
         run = self.run
-        search = PlacementSearch(run.machinery, run.cell, run.seed, effort, run.progress)
+        search = PlacementSearch(run.machinery, run.cell, run.seed, effort)
         found = search.run()
         before, notes = self._before(search, found)
         after = self._best(search, found, before)
         verification = None
         if verify and after is not None:
             seed = int(np.random.SeedSequence([run.seed, 1]).generate_state(1)[0])
-            again = PlacementSearch(run.machinery, run.cell, seed, "high", run.progress)
+            again = PlacementSearch(run.machinery, run.cell, seed, "high")
             second = again.run()
             other = self._best(again, second, before)
             stands = other is None or other.value <= after.value + _STANDS
@@ -65,7 +65,7 @@ class PlacedRun:
     def follow(self, start: Placed) -> Solution | None:
         """The local optimum that postures of all cases lead to; None where they do not close."""
         run = self.run
-        search = PlacementSearch(run.machinery, run.cell, run.seed, "low", run.progress)
+        search = PlacementSearch(run.machinery, run.cell, run.seed, "low")
         before = self._measured(search, start)
         if before is None:
             return None

@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from copose.planning.cell import Cell
-from copose.planning.climbing import SAME_OBJECTIVE, Progress
+from copose.planning.climbing import SAME_OBJECTIVE
 from copose.planning.limits_measures import LimitsMeasure
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.program import Given, LocalSolve
 from copose.planning.search import EFFORTS, Effort, Found, search
 from copose.poses import Array
+from copose.progress import hushed, stage
 from copose.robots import finite_range
 
 if TYPE_CHECKING:
@@ -95,12 +96,9 @@ class Placements:
 class PlacementSearch:
     """Searches the postures and everything else that is free."""
 
-    def __init__(
-        self, machinery: Machinery, cell: Cell, seed: int, effort: str, progress: Progress
-    ) -> None:
+    def __init__(self, machinery: Machinery, cell: Cell, seed: int, effort: str) -> None:
         """Nothing found yet; a cell of the machinery's, with its object where it is."""
-        self._machinery, self._seed = machinery, seed
-        self._effort, self._progress = effort, progress
+        self._machinery, self._seed, self._effort = machinery, seed, effort
         self._places = machinery.places
         self._freedom = self._places.freedom
         self._cases = cell.cases
@@ -133,7 +131,7 @@ class PlacementSearch:
         first, starts = self._at(self.nominal, EFFORTS["normal"])
         tried = 1
         for xs in () if self._hopeless(first) else self._placements():
-            self._progress("trying placements", min(0.6, 0.6 * tried / (2 * self._most)))
+            stage("trying placements", tried, self._most)
             starts += self._at(xs, self._glance)[1]
             tried += 1
         starts.sort(key=lambda start: -start.value)
@@ -141,7 +139,7 @@ class PlacementSearch:
         chosen = self._distinct(starts, _POLISHED[self._effort] // self._cost)
         ends = [self.polish(start) for start in chosen]
         for _ in range(_ROUNDS if ends else 0):
-            self._progress("polishing placements", 0.8)
+            stage("polishing placements")
             best = self._gathered(ends)[: _ENDS if len(self._cases) > 1 else 1]
             more = []
             for end in best:
@@ -240,7 +238,9 @@ class PlacementSearch:
         found: list[Found] = []
         for k, here in enumerate(xs):
             setting = self.setting(k, here)
-            found.append(search(self._machinery, setting, self._seed, effort, _silent))
+            # The whole is told of, not each of its searches.
+            with hushed():
+                found.append(search(self._machinery, setting, self._seed, effort))
             if not found[-1].optima and effort.insistence == 0:
                 break
         self._searches += found
@@ -480,7 +480,3 @@ class PlacementSearch:
             else:
                 optima.append(end)
         return optima
-
-
-def _silent(what: str, done: float) -> None:
-    """The whole is told of, not each of its searches."""

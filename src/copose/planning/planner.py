@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 
 from copose.errors import InputError, nearest
 from copose.kernels import one_at_a_time
+from copose.planning.aims import objective_of
+from copose.planning.answering import unfound
 from copose.planning.cell import Cell
-from copose.planning.climbing import Progress
 from copose.planning.closing import CLOSED, project
 from copose.planning.freedom import Freedom
 from copose.planning.machinery import Machinery, Setting
@@ -24,7 +25,8 @@ from copose.planning.placing import Placed
 from copose.planning.running import EffortName, Run
 from copose.poses import Array
 from copose.problem import Problem
-from copose.results import Solution
+from copose.progress import StoppedError, Tell, sheltered, stage, watched
+from copose.results import Solution, Timing
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +92,8 @@ class Planner:
         seed: int | None = None,
         effort: EffortName = "normal",
         verify: bool = False,
-        progress: Progress | None = None,
+        progress: Tell | None = None,
+        time_limit: float | None = None,
     ) -> Solution:
         """The posture in which the arms accelerate the object best.
 
@@ -103,7 +106,9 @@ class Planner:
                 to spare.
             verify: search again with another seed and twice the effort, and say whether the answer
                 stands.
-            progress: called with what is being done and the fraction of the whole behind.
+            progress: called with a `copose.Progress` as stages begin and the best so far grows.
+            time_limit: s; the best found by then is the answer, with a note, or ``failed`` where
+                there is none yet. Answers under a limit may differ from run to run.
 
         Returns:
             A solution whose ``status`` is ``solved``; ``infeasible`` where an arm cannot reach its
@@ -117,17 +122,32 @@ class Planner:
         if effort not in get_args(EffortName):
             raise InputError(f"{effort!r} is not low, normal or high", key="effort")
         began = time.perf_counter()
-        machinery = self._machinery
-        machinery.compiled()
-        setting = self._setting(object_pose)
-        run = Run(
-            machinery=machinery,
-            setting=setting,
-            seed=self.problem.search.seed if seed is None else int(seed),
-            build_s=self.build_s,
-            began=began,
-            progress=progress if progress is not None else _silent,
-        )
+        with watched(progress, time_limit):
+            with sheltered():
+                setting = self._setting(object_pose)
+            run = Run(
+                machinery=self._machinery,
+                setting=setting,
+                seed=self.problem.search.seed if seed is None else int(seed),
+                build_s=self.build_s,
+                began=began,
+            )
+            try:
+                self._machinery.compiled()
+                return self._answer(run, warm, effort, verify)
+            except StoppedError as stop:
+                with sheltered():
+                    return unfound(setting.cell, setting.objective, stop, run.timing)
+
+    def _answer(
+        self,
+        run: Run,
+        warm: Solution | Mapping[str, Sequence[float]] | None,
+        effort: EffortName,
+        verify: bool,
+    ) -> Solution:
+        """The answer of a run from a warm posture, if there is one, or of a search."""
+        cell = run.cell
         free = len(Freedom.of(self.problem)) > 0 or bool(self.problem.cases)
         placed = PlacedRun(run) if free else None
         if warm is not None:
@@ -137,9 +157,9 @@ class Planner:
                     key="verify",
                 )
             solution = (
-                run.follow(setting.cell.given(_posture(warm)))
+                run.follow(cell.given(_posture(warm)))
                 if placed is None
-                else placed.follow(_placed(setting.cell, warm))
+                else placed.follow(_placed(cell, warm))
             )
             if solution is not None:
                 return solution
@@ -245,22 +265,27 @@ class Planner:
 def solve(
     problem: Problem,
     *,
+    seed: int | None = None,
     effort: EffortName = "normal",
     verify: bool = False,
-    progress: Progress | None = None,
+    progress: Tell | None = None,
+    time_limit: float | None = None,
 ) -> Solution:
     """The posture in which the arms accelerate the object best: `Planner.solve` of a new planner.
 
     Raises:
         InputError: a robot cannot be used.
     """
-    if progress is not None:
-        progress("building", 0.0)
-    return Planner(problem).solve(effort=effort, verify=verify, progress=progress)
-
-
-def _silent(what: str, done: float) -> None:
-    """No one asked to be told."""
+    began = time.perf_counter()
+    with watched(progress, time_limit):
+        try:
+            stage("building")
+            planner = Planner(problem)
+        except StoppedError as stop:
+            with sheltered():
+                cell, spent = Cell.of(problem), time.perf_counter() - began
+                return unfound(cell, objective_of(cell), stop, Timing(build_s=spent, search_s=0.0))
+        return planner.solve(seed=seed, effort=effort, verify=verify)
 
 
 def _placed(cell: Cell, warm: Solution | Mapping[str, Sequence[float]]) -> Placed:

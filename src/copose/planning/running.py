@@ -12,7 +12,6 @@ import numpy as np
 from copose.planning.answering import Status, answer
 from copose.planning.capacity import HELD
 from copose.planning.cell import Cell
-from copose.planning.climbing import Progress
 from copose.planning.closing import CLOSED, project
 from copose.planning.giving_way import all_judged, combinations, heaviest, uncarried
 from copose.planning.machinery import Machinery, Setting
@@ -60,7 +59,6 @@ class Run:
     seed: int
     build_s: float
     began: float
-    progress: Progress
 
     @property
     def cell(self) -> Cell:
@@ -140,14 +138,12 @@ class Run:
         """What is searched where only what can be reached counts, and what a search finds."""
         tried = EFFORTS[effort]
         if not self.cell.problem.search.reachable:
-            return None, search(self.machinery, self.setting, self.seed, tried, self.progress)
+            return None, search(self.machinery, self.setting, self.seed, tried)
         starts = [self.start(i)[0] for i in range(len(self.cell.arms))]
-        within = WithinReach.of(
-            self.machinery, self.setting, starts, self.seed, tried, self.progress
-        )
+        within = WithinReach.of(self.machinery, self.setting, starts, self.seed, tried)
         if not isinstance(within, WithinReach):
             return None, Found(within)
-        return within, within.search(self.seed, tried, self.progress)
+        return within, within.search(self.seed, tried)
 
     def _none(
         self,
@@ -206,13 +202,12 @@ class Run:
         before = self.machinery.measure(self.setting, q)
         within = None
         if self.cell.problem.search.reachable:
-            low, tell = EFFORTS["low"], self.progress
-            around = WithinReach.of(self.machinery, self.setting, q, self.seed, low, tell)
+            around = WithinReach.of(self.machinery, self.setting, q, self.seed, EFFORTS["low"])
             if not isinstance(around, WithinReach) or around.too_near is not None:
                 return None
             within = around
         setting = self.setting if within is None else within.setting
-        found = local_search(self.machinery, setting, np.concatenate(q), self.progress)
+        found = local_search(self.machinery, setting, np.concatenate(q))
         if within is not None:
             found = within.confirmed(found)
         after, value = self._best(found, before, within)
@@ -355,7 +350,7 @@ class Run:
             held = machinery.held(self.setting, q) if len(q) else np.zeros(0, dtype=bool)
             if not held.any():
                 return found, (most.reason, sure)
-            return climbed(machinery, self.setting, found, q[held], self.progress), None
+            return climbed(machinery, self.setting, found, q[held]), None
         kind = machinery.objective.kind
         reason = (
             f"the torque limits allow no {kind} as it is asked for in any posture found: they "
@@ -412,9 +407,9 @@ class Run:
         seed = int(np.random.SeedSequence([self.seed, 1]).generate_state(1)[0])
         more = EFFORTS[effort].doubled()
         again = (
-            search(self.machinery, self.setting, seed, more, self.progress)
+            search(self.machinery, self.setting, seed, more)
             if within is None
-            else within.search(seed, more, self.progress)
+            else within.search(seed, more)
         )
         best: LocalOptimum | None = again.optima[0] if again.optima else None
         stands = best is None or best.objective <= value + _STANDS

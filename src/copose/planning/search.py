@@ -11,7 +11,7 @@ import numpy as np
 from copose.planning.cell import Cell
 from copose.planning.clearance import Blocked
 from copose.planning.clearing import clear_alone, clear_postures, in_each_others_way
-from copose.planning.climbing import SAME_OBJECTIVE, Climbs, Progress, gathered
+from copose.planning.climbing import SAME_OBJECTIVE, Climbs, gathered
 from copose.planning.judging import judged
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.optima import LocalOptimum
@@ -19,6 +19,7 @@ from copose.planning.program import LocalSolve
 from copose.planning.screening import Screened, screen
 from copose.planning.self_motion import ArmSample, ArmSampler, held_sample
 from copose.poses import Array, Indices, Mask
+from copose.progress import stage
 
 Allowed: TypeAlias = Callable[[Indices], Mask]
 """Says of combinations of the arms' postures, by their indices, (count, K), which are allowed."""
@@ -124,9 +125,7 @@ class Found:
     blocked: tuple[Blocked, ...] = ()
 
 
-def search(
-    machinery: Machinery, setting: Setting, seed: int, effort: Effort, progress: Progress
-) -> Found:
+def search(machinery: Machinery, setting: Setting, seed: int, effort: Effort) -> Found:
     """Find the local optima of a cell, the best of them first.
 
     Args:
@@ -134,13 +133,12 @@ def search(
         setting: where the object is.
         seed: of everything that is drawn.
         effort: how much is tried.
-        progress: is told.
     """
     cell = setting.cell
     K = len(cell.arms)
     samples = []
     for i, kernels in enumerate(machinery.arms):
-        progress(f"closing arm {cell.arms[i].name}", 0.5 * i / K)
+        stage(f"closing arm {cell.arms[i].name}", i, K)
         most = effort.loops if kernels.n - kernels.m <= 1 else effort.surfaces
         if cell.arms[i].fixed:
             samples.append(held_sample(cell, kernels, i, setting.placement.goals[i]))
@@ -153,7 +151,7 @@ def search(
     postures = [sample.closed for sample in samples]
     near = [sample.neighbours for sample in samples]
     blind = replace(setting, clearance=None)
-    polished = Climbs(machinery, blind, progress, effort.polished)
+    polished = Climbs(machinery, blind, effort.polished)
     found = compared(polished, samples, postures, near, seed, effort)
     if setting.clearance is None:
         return found
@@ -165,7 +163,7 @@ def search(
     optima = () if known is None else (known,)
     if cleared.blocked:
         return replace(found, optima=optima, blocked=() if optima else cleared.blocked)
-    polished = Climbs(machinery, setting, progress, effort.polished)
+    polished = Climbs(machinery, setting, effort.polished)
     polished.ends += optima
     found = compared(polished, samples, cleared.postures, cleared.neighbours, seed, effort)
     if found.optima or found.failures:
@@ -197,7 +195,7 @@ def compared(
     machinery, setting = polished.machinery, polished.setting
     cell = setting.cell
     K = len(cell.arms)
-    polished.progress("comparing postures", 0.5)
+    stage("comparing postures")
     rng = np.random.default_rng([seed, K])
     screened = _screened(machinery, setting, postures, near, rng, effort.starts, allowed)
     # A step in many dimensions takes many evaluations.
@@ -262,16 +260,14 @@ def compared(
     )
 
 
-def local_search(machinery: Machinery, setting: Setting, q: Array, progress: Progress) -> Found:
+def local_search(machinery: Machinery, setting: Setting, q: Array) -> Found:
     """The local optimum that a closed posture, (N,), leads to."""
-    return climbed(machinery, setting, Found(()), q[None], progress)
+    return climbed(machinery, setting, Found(()), q[None])
 
 
-def climbed(
-    machinery: Machinery, setting: Setting, found: Found, q: Array, progress: Progress
-) -> Found:
+def climbed(machinery: Machinery, setting: Setting, found: Found, q: Array) -> Found:
     """A search that had nothing to climb from, with closed postures, (count, N), to do so."""
-    polished = Climbs(machinery, setting, progress)
+    polished = Climbs(machinery, setting)
     polished.add(q)
     return replace(
         found,

@@ -14,7 +14,7 @@ import numpy as np
 
 from copose.planning.clearance import Blocked
 from copose.planning.clearing import clear_alone, clear_postures, in_each_others_way
-from copose.planning.climbing import Climbs, Progress
+from copose.planning.climbing import Climbs
 from copose.planning.closing import CLOSED, project
 from copose.planning.curves import SPACING
 from copose.planning.machinery import Machinery, Setting
@@ -24,6 +24,7 @@ from copose.planning.reachability import Component, component, reachable
 from copose.planning.search import Effort, Found, compared
 from copose.planning.self_motion import ArmSample, ArmSampler, neighbours
 from copose.poses import Array, Indices, Mask
+from copose.progress import stage
 
 # Optima that are followed from the start, and the turns of joints in which each is.
 _FOLLOWED, _TURNS = 24, 64
@@ -68,7 +69,6 @@ class WithinReach:
         starts: Sequence[Array | None],
         seed: int,
         effort: Effort,
-        progress: Progress,
     ) -> WithinReach | tuple[ArmSample, ...]:
         """What arms can come to.
 
@@ -78,7 +78,6 @@ class WithinReach:
             starts: closed postures, by arm; None for the first that the seed gives.
             seed: of what is drawn.
             effort: how much is.
-            progress: is told.
 
         Returns:
             Samples where one that is needed has no closed posture.
@@ -87,7 +86,7 @@ class WithinReach:
         setting = replace(setting, lower=cell.lower, upper=cell.upper)
         drawn: list[ArmSample | None] = []
         for i, (kernels, start) in enumerate(zip(machinery.arms, starts, strict=True)):
-            progress(f"closing arm {cell.arms[i].name}", 0.5 * i / len(starts))
+            stage(f"closing arm {cell.arms[i].name}", i, len(starts))
             spare = 0 if cell.arms[i].fixed else kernels.n - kernels.m
             if start is not None and spare <= 1:
                 drawn.append(None)
@@ -137,13 +136,13 @@ class WithinReach:
         reason = f"{names} cannot leave the joint_margin that the start is in"
         return reason, any(complete for _, complete in stuck)
 
-    def search(self, seed: int, effort: Effort, progress: Progress) -> Found:
+    def search(self, seed: int, effort: Effort) -> Found:
         """Find local optima among what the arms can come to, the best of them first."""
         machinery, setting = self.machinery, self.setting
         cell, samples = setting.cell, self.samples
         if not all(len(sample.closed) for sample in samples):
             return Found(samples)
-        climbs = Climbs(machinery, setting, progress, effort.polished)
+        climbs = Climbs(machinery, setting, effort.polished)
         postures = [sample.closed for sample in samples]
         near = [sample.neighbours for sample in samples]
         if setting.clearance is None:
