@@ -2,10 +2,19 @@
 
 With ``COPOSE_COMPILE=1`` in the environment all of them wait for it, and run on compiled kernels
 alone. What hypothesis draws is the same in every run.
+
+A test with many cases that are alike is marked ``few(n)``: n of them run, drawn once for all. The
+rest are marked ``long``, as tests are that take minutes: ``pytest -m long`` runs these.
 """
 
 import os
+import random
+from collections import defaultdict
 
+# Workers side by side would each let BLAS wait for threads that have no core.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import pytest
 from hypothesis import settings
 
 from copose import kernels
@@ -16,3 +25,17 @@ if os.environ.setdefault("COPOSE_COMPILE", "0") != "0":
 
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    families = defaultdict(list)
+    for item in items:
+        mark = item.get_closest_marker("few")
+        if mark is not None:
+            families[item.nodeid.split("[")[0], *mark.args].append(item)
+    for (name, count), family in families.items():
+        drawn = random.Random(name).sample(range(len(family)), min(count, len(family)))
+        for k, item in enumerate(family):
+            if k not in drawn:
+                item.add_marker(pytest.mark.long)

@@ -91,6 +91,7 @@ def robots(robot: str, seed: int) -> dict:
     return table
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(("robot", "seed"), [
     ("panda", 0), ("panda", 1), ("panda", 2), ("xarm7", 0), ("xarm7", 1), ("xarm7", 2),
 ])  # fmt: skip

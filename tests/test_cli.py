@@ -9,6 +9,7 @@ import os
 import stat
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -152,11 +153,17 @@ AIMS = {
 }
 
 
+@cache
+def aimed(name: str) -> str:
+    solution = copose.solve(copose.parse(tables("two-panda-box") | AIMS[name]))
+    return copose.results.to_json(solution)
+
+
+@pytest.mark.few(5)
 @pytest.mark.parametrize("pair", list(itertools.permutations(AIMS, 2)), ids="-".join)
 def test_compare_results_with_other_axes_and_scalings(pair: tuple, here: Path, capsys) -> None:
     for name in pair:
-        solution = copose.solve(copose.parse(tables("two-panda-box") | AIMS[name]))
-        (here / f"{name}.json").write_text(copose.results.to_json(solution))
+        (here / f"{name}.json").write_text(aimed(name))
     assert main(["compare", *(f"{name}.json" for name in pair)]) == 0
     out = capsys.readouterr().out
     if "slice" in pair and "turn" not in pair:
@@ -262,6 +269,13 @@ WRONG = [
 ]
 
 
+@cache
+def answers() -> dict[str, str]:
+    cells = {"miss.json": out_of_reach(), "other.json": planar(3), "two.json": planar()}
+    return {name: copose.results.to_json(copose.solve(copose.parse(cell)))
+            for name, cell in cells.items()}  # fmt: skip
+
+
 @pytest.mark.parametrize(("arguments", "expected"), WRONG, ids=lambda x: " ".join(x)[:30])
 def test_wrong_input_is_two_in_one_line_and_leaves_nothing(
     arguments: list[str], expected: str, here: Path, capsys
@@ -272,12 +286,8 @@ def test_wrong_input_is_two_in_one_line_and_leaves_nothing(
     write(here, bad, "q.toml")
     (here / "d.png").mkdir()
     (here / "full/result.json").mkdir(parents=True)
-    from copose.results import to_json
-
-    (here / "miss.json").write_text(to_json(copose.solve(copose.parse(out_of_reach()))))
-    three = copose.solve(copose.parse(planar(3)))
-    (here / "other.json").write_text(to_json(three))
-    (here / "two.json").write_text(to_json(copose.solve(copose.parse(planar()))))
+    for name, text in answers().items():
+        (here / name).write_text(text)
     before = sorted(here.rglob("*"))
     assert main(arguments) == 2
     out, err = capsys.readouterr()

@@ -37,6 +37,7 @@ def grams(cell: dict, truth, joints: dict) -> dict[str, np.ndarray]:
     }
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("scaling", ["unit", "limits"])
 @pytest.mark.parametrize("distribution", ["moore-penrose", "nonsqueezing"])
 @pytest.mark.parametrize("space", SPACES)
@@ -92,6 +93,7 @@ def test_joint_speeds_of_the_closed_chain_fill_the_velocity_ellipsoid(space: str
     assert all(force.contains(shared.boundary(rng.normal(size=m)), 1e-9) for _ in range(100))
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize(
     ("kind", "name"), [("velocity-volume", NAMES[0]), ("force-volume", NAMES[2])]
 )

@@ -195,6 +195,7 @@ def test_numbers_of_two_pandas_with_everything_free() -> None:
     assert solution.objective.after > solution.objective.before
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(
     ("what", "ranges"),
@@ -262,6 +263,7 @@ GRIDS = {
 }
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", list(GRIDS))
 def test_a_dense_grid_finds_nothing_better(name: str) -> None:
     """All that is free and all self-motions on a grid, the best polished by SciPy's SLSQP."""

@@ -57,6 +57,7 @@ def sampled(cell: dict, planner: copose.Planner, count: int) -> float:
     return best
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", ["acceleration", "several", "payload"])
 @pytest.mark.parametrize("space", SPACES)
 def test_no_sampled_posture_is_better(space: str, name: str) -> None:
@@ -70,6 +71,7 @@ def test_no_sampled_posture_is_better(space: str, name: str) -> None:
         assert solution.search.best_sample <= solution.objective.after
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("space", ["planar", "planar-linear"])
 def test_all_round_is_the_distance_of_the_nearest_facet(space: str) -> None:
     """Against the sample, and against directional linear programs around the posture found."""
@@ -86,6 +88,7 @@ def test_all_round_is_the_distance_of_the_nearest_facet(space: str) -> None:
     assert np.sum(normals * corners, axis=1).min() == pytest.approx(solution.objective.after)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("kind", ["volume", "worst-direction", "payload"])
 def test_what_must_be_held_is_held(kind: str) -> None:
     """Near the heaviest mass every answer holds the object, and none that does is better."""
@@ -186,6 +189,7 @@ def beside(planner: copose.Planner, solution, count: int, scale: float) -> np.nd
     return machinery.objectives(setting, np.hstack(parts))
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", ["acceleration", "payload", "all-round"])
 @pytest.mark.parametrize("space", ["spatial", "planar"])
 def test_answers_are_maxima_among_closed_postures_beside_them(space: str, name: str) -> None:

@@ -152,6 +152,7 @@ def test_planar_tool_is_lumped_into_the_last_link() -> None:
     assert np.allclose(masses[1] - masses[0], added, rtol=0, atol=1e-13)
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("resolution", ["pseudoinverse", "torque-optimal"])
 @pytest.mark.parametrize("kind", ["volume", "worst-direction", "isotropy", "task-compatibility"])
 @pytest.mark.parametrize("space", ["spatial", "spatial-linear", "planar", "planar-linear"])

@@ -56,6 +56,7 @@ def value_of(factor: np.ndarray, objective: dict) -> float:
     return float(radii.min() if kind == "worst-direction" else radii.min() / radii.max())
 
 
+@pytest.mark.few(14)
 @pytest.mark.parametrize("scaling", ["unit", "limits"])
 @pytest.mark.parametrize("resolution", RESOLUTIONS)
 @pytest.mark.parametrize("kind", list(objectives(2)))
@@ -190,6 +191,7 @@ class TestUnitOfLength:
                 arm[key]["position"] = [s * x for x in arm[key]["position"]]
         return cell
 
+    @pytest.mark.few(24)
     @pytest.mark.parametrize("kind", list(objectives(2)))
     @pytest.mark.parametrize("distribution", ["moore-penrose", "nonsqueezing"])
     @pytest.mark.parametrize("resolution", RESOLUTIONS)

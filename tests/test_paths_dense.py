@@ -59,6 +59,7 @@ def test_it_finds_the_best_of_all_combinations() -> None:
     assert found is None or found.value == pytest.approx(best, abs=1e-12)
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 6, 7, 9, 10, 15, 17, 20, 28])
 def test_a_planned_motion_is_the_best_of_a_dense_grid(seed: int) -> None:
     tables = path_problems.three_jointed(seed)

@@ -22,6 +22,8 @@ from copose.results import Posture, Solution, to_json
 from reference import Problem as Truth
 from reference import placed
 
+LONG = ("panda-three-cases", "panda-place-object", "panda-second-base")
+
 
 def solved(cell: dict) -> Solution:
     solution = copose.solve(parse(cell))
@@ -56,7 +58,11 @@ def check_posture(posture: Posture, cell: dict, names: dict) -> None:
         assert np.allclose(arm.skeleton[-1], tip.translation, atol=1e-12)
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "file",
+    [pytest.param(f, marks=pytest.mark.long) if f.stem in LONG else f for f in FILES],
+    ids=[file.stem for file in FILES],
+)
 def test_shipped_problems_recompute(file) -> None:
     problem = copose.load(file)
     solution = copose.solve(problem)
@@ -101,15 +107,15 @@ def test_known_optima(name: str, expected: float) -> None:
     assert solution.objective.after == pytest.approx(expected, abs=1e-6)
 
 
-def test_two_pandas_are_closed_from_fifty_seeds() -> None:
+def test_two_pandas_are_closed_from_any_seed() -> None:
     """Closed to 1e-8 by Pinocchio, no hand flipped, within limits, never worse than before."""
     cell = two_pandas()
-    names = {name: list(joints) for name, joints in solved(cell).joint_names.items()}
-    truth = Truth(cell, names)
+    planner = copose.Planner(parse(cell))
+    truth = Truth(cell, {arm.name: list(arm.joint_names) for arm in Cell.of(parse(cell)).arms})
     best = 0
-    for seed in range(50):
-        cell["search"] = {"seed": seed}
-        solution = solved(cell)
+    for seed in range(20):
+        solution = planner.solve(seed=seed)
+        assert solution.status == "solved", solution.reason
         for posture in (solution.before, solution.after):
             again = truth.at(posture.joints)
             assert max(again.closure.values()) <= 1e-8
@@ -120,7 +126,7 @@ def test_two_pandas_are_closed_from_fifty_seeds() -> None:
                 )
         assert solution.objective.after >= solution.objective.before
         best += abs(solution.objective.after + 0.216980) < 1e-6
-    assert best >= 45
+    assert best >= 18
 
 
 @pytest.mark.parametrize("space", ["planar-linear", "planar"])
@@ -171,6 +177,7 @@ def test_every_space_and_number_of_arms(space: str, arms: int) -> None:
     assert len(solution.after.ellipsoid.radii) == {"spatial": 6, "planar-linear": 2}.get(space, 3)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("names", "space"),
     [

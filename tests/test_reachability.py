@@ -192,6 +192,7 @@ def test_where_self_motions_meet_nothing_is_said_to_be_out_of_reach() -> None:
     assert not found.complete and found.holds(-some[5]) is not False
 
 
+@pytest.mark.few(14)
 @pytest.mark.parametrize("seed", range(24))
 @pytest.mark.parametrize("wide", [False, True])
 def test_reachable_agrees_with_a_dense_grid_of_postures(seed: int, wide: bool) -> None:

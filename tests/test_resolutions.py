@@ -44,6 +44,7 @@ def postures(cell: dict, count: int, seed: int = 0):
         yield ready, truth, q, dict(zip(truth.arms, q, strict=True))
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("scaling", ["unit", "limits"])
 @pytest.mark.parametrize("distribution", ["moore-penrose", "nonsqueezing"])
 @pytest.mark.parametrize("resolution", ["pseudoinverse", "torque-optimal"])

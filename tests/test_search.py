@@ -45,6 +45,7 @@ LOOPS = [
 ]
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("cell", LOOPS, ids=lambda cell: cell["name"])
 @pytest.mark.parametrize("seed", [0, 1])
 def test_every_posture_that_closes_is_near_a_sample(cell: dict, seed: int) -> None:
@@ -83,6 +84,7 @@ def test_a_piece_of_a_loop_that_limits_leave_is_found() -> None:
         assert len(piece.closed) > 0
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("cell", "objective"),
     [
@@ -136,6 +138,7 @@ def test_every_local_optimum_is_one_of_the_posture_program(cell: dict, objective
         assert machinery.objectives(setting, others).max() < best + 1e-9
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     "cell",
     [
@@ -159,8 +162,8 @@ def test_seeds_agree_to_the_joint(cell: dict) -> None:
 
 def test_high_effort_finds_the_best_of_arms_with_more_to_spare() -> None:
     planner = copose.Planner(parse(planar(2, 5, "planar")))
-    high = [planner.solve(seed=seed, effort="high").objective.after for seed in range(3)]
-    low = [planner.solve(seed=seed, effort="low").objective.after for seed in range(3)]
+    high = [planner.solve(seed=seed, effort="high").objective.after for seed in range(2)]
+    low = [planner.solve(seed=seed, effort="low").objective.after for seed in range(2)]
     assert max(high) - min(high) < 1e-6 and max(low) <= max(high) + 1e-9
 
 
@@ -270,10 +273,11 @@ def test_measure_is_the_meter_of_many(name: str) -> None:
         factor, _ = truth.ellipsoid(joints)
         gram = factor.T @ factor
         assert np.allclose(measures.gram[k], gram, rtol=0, atol=1e-8 * np.abs(gram).max())
-        one = copose.evaluate(parse(tables(name)), {key: list(q) for key, q in joints.items()})
-        assert measures.objective[k] == pytest.approx(one.objective.after, rel=1e-8, abs=1e-8)
         for arm, error in truth.at(joints).closure.items():
             assert measures.closure_error[arm][k] == pytest.approx(error, abs=1e-8)
+        if k < 3:
+            one = copose.evaluate(parse(tables(name)), {key: list(q) for key, q in joints.items()})
+            assert measures.objective[k] == pytest.approx(one.objective.after, rel=1e-8, abs=1e-8)
 
 
 def test_measure_says_what_is_open_and_what_is_singular() -> None:

@@ -428,6 +428,7 @@ class TestContactWrenches:
             assert np.linalg.norm(answer.x) <= 1 + 1e-9
         assert farthest > 1 - 1e-9 and depth > 0.95
 
+    @pytest.mark.few(3)
     @pytest.mark.parametrize("space", SPACES)
     def test_bounds_are_kept_and_cost_something(self, space: str) -> None:
         cell = cell_of(space)
