@@ -101,6 +101,25 @@ def test_the_shortest_motion_may_be_one_that_torques_alone_limit(part: float) ->
 
 
 @pytest.mark.parametrize(
+    ("build", "factors"),
+    [(two_jointed, (1e-3, 1e3, 1e6)), (lambda: path_problems.hinged(10), (1e6,))],
+    ids=["two joints", "hinged"],
+)
+def test_the_shortest_motion_does_not_depend_on_the_unit_of_torques(build, factors) -> None:
+    cell = build() | {"world": {"gravity": [0.0, 0.0]}}
+    cell["path"]["duration"] = "shortest"
+    limits = [2.0] * len(cell["arms"][0]["links"])
+    first = copose.plan(copose.parse(with_limits(cell, *limits)))
+    for factor in factors:
+        motion = copose.plan(copose.parse(with_limits(cell, *(factor * T for T in limits))))
+        assert motion.status == "solved", motion.reason
+        assert motion.duration * np.sqrt(factor) == pytest.approx(first.duration, rel=1e-6)
+        for knot, other in zip(motion.knots, first.knots, strict=True):
+            for name in knot.joints:
+                assert knot.joints[name] == pytest.approx(other.joints[name], abs=1e-5)
+
+
+@pytest.mark.parametrize(
     ("part", "words"),
     [
         (0.35, [" s: no posture holds the object at rest", "a1/joint2", "1.15"]),

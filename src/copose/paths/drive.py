@@ -76,6 +76,17 @@ class Drive:
             self._kernels.append(Kernel(stacked, ca.SX(0, 1), ca.vertcat(*parts)))
 
     @property
+    def briskness(self) -> float:
+        """A typical acceleration of the joint that limits hold back most, rad/s² or m/s²; ∞ where
+        neither torques nor accelerations have limits to keep.
+        """
+        limits = [joint.acceleration for arm in self._cell.arms for joint in arm.joints]
+        if self._cell.dynamic_torque:
+            assert self.capacity is not None
+            limits += self.capacity.sizes[0].tolist()
+        return min(limits)
+
+    @property
     def kernels(self) -> tuple[Kernel, ...]:
         """Everything that may be compiled."""
         return tuple(self._kernels)

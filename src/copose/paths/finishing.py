@@ -94,7 +94,7 @@ class Finisher:
     def value(self, course: Course, q: Array, duration: float) -> float:
         """Aggregate − smoothness · S of a motion, (n, N)."""
         aggregate, S = self.shaper.worth(course, q, duration)
-        return aggregate - self.path.smoothness * S
+        return aggregate - self.shaper.smoothness(duration) * S
 
     def finished(self, best: Shaped, wanted: Wanted) -> Finished | Obstruction:
         """With as many knots as are asked for, and as closure between them needs.

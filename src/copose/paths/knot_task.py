@@ -61,8 +61,8 @@ class KnotTask:
 
     y are the joints q, (N,), and then: what the objective and held objects add; with rates dq/dφ
     and d²q/dφ², (N,) each, φ the share of the duration, and with torque limits the contacts'
-    wrenches; the level that the least objective must reach; the stretch of the duration; the
-    share of torque and acceleration limits.
+    wrenches, over `Capacity.strength`; the level that the least objective must reach; the stretch
+    of the duration; the share of torque and acceleration limits.
 
     Attributes:
         slices: of y, by name.
@@ -292,23 +292,24 @@ def _driven(
     weight = -system.object.mass * ca.DM(system.gravity[:rows])
     balance = -inertial
     balance[list(range(rows))] -= weight
-    wrenches, shares = [], []
+    wrenches, shares, strong = [], [], capacity.strength
     parts = zip(ca.vertsplit(rates, edges), ca.vertsplit(accelerations, edges), strict=True)
     for i, (rate, acceleration) in enumerate(parts):
         arm, coupling = system.arms[i], system.coupling(i)
         h = ca.SX.sym(f"h_{arm.arm.name}", system.space.m)
-        torque, _ = arm.driven(acceleration, coupling.fall, h, rate)
-        balance += coupling.balance @ h
+        torque, _ = arm.driven(acceleration, coupling.fall, strong * h, rate)
+        balance += coupling.balance @ (strong * h)
         wrenches.append(h)
         shares.append(torque / ca.DM(capacity.limits[i]))
     share = ca.vertcat(*shares)
     one = np.ones(share.numel())
     constraints += [
         Constraint(f"torques{OVER}", share, -one, one, "1"),
-        equality(BALANCE, balance, "N, N·m"),
+        equality(BALANCE, balance / strong, "1"),
     ]
     if len(capacity.bounds.matrix):
-        constraints.append(kept_bounds("contact wrenches", capacity.bounds, ca.vertcat(*wrenches)))
+        held = strong * ca.vertcat(*wrenches)
+        constraints.append(kept_bounds("contact wrenches", capacity.bounds, held))
     return ca.vertcat(*wrenches), constraints
 
 

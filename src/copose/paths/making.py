@@ -22,7 +22,7 @@ from copose.paths.obstruction import (
 from copose.paths.rate_bounds import outrun
 from copose.paths.roadmap import Roadmap
 from copose.paths.straining import holding_shares
-from copose.paths.trying import Ends, Trial, Tried
+from copose.paths.trying import Ends, Trial, Tried, same_motion
 from copose.paths.values import Values
 from copose.planning.capacity import HELD
 from copose.planning.machinery import Machinery
@@ -46,8 +46,9 @@ _APART = 0.05
 _FINER = 4
 # By how much a motion may fall behind what another route promises, relative.
 _FALLS = 0.01
-# How much longer than the graph's shortest a motion lasts at first.
-_FROM = 1.05
+# How much longer than the graph's shortest a motion lasts at first, and how far joints go that
+# torques or accelerations limit, rad or m, about.
+_FROM, _TRAVEL = 1.05, 1.0
 # Longer durations that are tried, each twice the one before, where the object stays.
 _SLOWER = 3
 
@@ -101,8 +102,7 @@ class Making:
             self.finisher, course, held, roadmaps, values, self.answer.duration, self.seed
         )
         if self.finisher.shaper.shortest:
-            least = trial.least_duration()
-            trial = trial.lasting(_FROM * least if 0 < least < np.inf else 1.0)
+            trial = trial.lasting(self._reckoned(trial.least_duration()))
         outcome = trial.outcome()
         for _ in range(_SLOWER if self.answer.problem.path is None else 0):
             if outcome.why is None or not outcome.tried:
@@ -118,6 +118,11 @@ class Making:
         if isinstance(found, Obstruction):
             return self.answer.stopped(found, record)
         return self.answer.solved(journey, found, record)
+
+    def _reckoned(self, least: float) -> float:
+        """S that the shortest motion is reckoned to last, which speeds alone allow in so many."""
+        forced = float(np.sqrt(_TRAVEL / self.finisher.drive.briskness))
+        return max(_FROM * least if least < np.inf else 0.0, forced) or 1.0
 
     def _uncarried(self, course: Course) -> Obstruction | None:
         """Where torques have to keep limits and no contact wrenches carry the object at all."""
@@ -204,9 +209,13 @@ class Making:
     def _finished(self, tried: Sequence[Tried], trial: Trial) -> Finished | Obstruction:
         """The best motion, of the next routes too where one falls behind what theirs promise."""
         best: Finished | Obstruction | None = None
+        known: list[Array] = []
         for each in tried:
             if each.value is None:
                 break
+            if any(same_motion(each.shaped.q, q) for q in known):
+                continue
+            known.append(each.shaped.q)
             if isinstance(best, Finished) and not self._behind(best, each):
                 break
             wanted = trial.wanted(each.shaped.q, each.shaped.duration)

@@ -23,7 +23,8 @@ _STEP = 1e-7
 _STEP_AT, _KNOTS_AT, _SHRINKS = 0.35, 25, 0.6
 # What is left at least of the duration that the shortest is sought from.
 _LEAST = 1e-6
-# How much a motion is smoothed whose objective does not count, so that joints have one way to go.
+# How much a motion is smoothed whose objective does not count, per square of the duration, so that
+# joints have one way to go.
 _CALM = 1e-6
 _OPTIONS = IPOPT | {
     "no_nlp_grad": True,
@@ -138,10 +139,11 @@ class _Run:
     def __init__(self, task: KnotTask, form: Form, count: int, given: Task) -> None:
         self._task, self._form, self._count, self._given = task, form, count, given
         self._size, self._joints = task.size, task.joints
-        interval = given.duration / (count - 1)
-        smoothness = _CALM if form.shortest or form.sparing else given.smoothness
+        calm = given.smoothness / given.duration**2
+        if form.shortest or form.sparing:
+            calm = _CALM
         # S is the mean of (Δq/Δt)² over the intervals and the joints.
-        self._calm = smoothness / (self._joints * (count - 1) * interval**2)
+        self._calm = calm * (count - 1) / self._joints
         self._sign = -1.0 if form.common == "level" else 1.0
         self._links = self._linked()
         self._lay_out()

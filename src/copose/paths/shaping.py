@@ -100,6 +100,12 @@ class Shaper:
     ) -> Form:
         return Form(self._worst, shortest, self._rates, rounded, sparing)
 
+    def smoothness(self, duration: float, calm: float = 0.0) -> float:
+        """What S costs of a motion, s²/rad² per unit of the objective, at least so calm; where the
+        shortest is sought as if it lasted a second: how short it is does not depend on that.
+        """
+        return max(self._smoothness, calm) * (duration**2 if self.shortest else 1.0)
+
     def quickest(self, course: Course, q: Array, wanted: Wanted) -> Shaped:
         """The shortest motion near one, (n, N); ``wanted.duration`` is where it starts."""
         return self._quickest(self._case(course, wanted), q)
@@ -109,7 +115,7 @@ class Shaper:
         objective without kinks; at least so smooth, s²/rad² per unit of the objective.
         """
         form = Form(worst=self._worst, rounded=self.kinked, loose=True)
-        smoothness = max(self._smoothness, calm)
+        smoothness = self.smoothness(wanted.duration, calm)
         case = replace(self._case(course, wanted), form=form, smoothness=smoothness)
         return self._solver.solved(case, q)
 
@@ -167,7 +173,8 @@ class Shaper:
         if not quick.converged:
             return quick
         wanted = replace(case.wanted, duration=quick.duration * (1 + _LONGER))
-        found = best(replace(case, wanted=wanted), quick.q)
+        smoothness = self.smoothness(wanted.duration)
+        found = best(replace(case, wanted=wanted, smoothness=smoothness), quick.q)
         # So little time to spare may leave too little room for a program.
         return found if found.converged else quick
 
@@ -237,8 +244,8 @@ class Shaper:
     def _case(self, course: Course, wanted: Wanted) -> Case:
         every = np.ones(len(course))
         return Case(
-            course, wanted, self._form(), self._smoothness, False, _SLACKS[0], self.speeds, every,
-            every,
+            course, wanted, self._form(), self.smoothness(wanted.duration), False, _SLACKS[0],
+            self.speeds, every, every,
         )  # fmt: skip
 
     def _used(self, course: Course, found: Shaped) -> _Used:

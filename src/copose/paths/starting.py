@@ -62,7 +62,9 @@ def started(
         y[:, slices["slopes"]] = slopes(q, 1.0 / (n - 1))
         y[:, slices["bends"]] = bends(q, 1.0 / (n - 1))
     if "wrenches" in slices:
-        y[:, slices["wrenches"]] = drive.wrenches(course, machinery.split(q), duration)
+        assert drive.capacity is not None
+        wrenches = drive.wrenches(course, machinery.split(q), duration)
+        y[:, slices["wrenches"]] = wrenches / drive.capacity.strength
     if "level" in slices:
         least = values_at(machinery, course, q).min()
         y[:, slices["level"]] = least - _BELOW * (1 + abs(least))

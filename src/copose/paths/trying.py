@@ -146,7 +146,7 @@ class Trial:
         path, arms = self.finisher.path, self._machinery.cell.arms
         worth = Worth(
             aggregate=path.aggregate,
-            smoothness=max(path.smoothness, calm),
+            smoothness=self.finisher.shaper.smoothness(self.duration, calm),
             interval=self.duration / (len(self.course) - 1),
             speeds=tuple(np.array([joint.velocity for joint in arm.joints]) for arm in arms),
         )
@@ -267,7 +267,7 @@ class Trial:
         if not loose.converged:
             return self._direct(route)
         for other, made in self._known:
-            if np.abs(loose.q - other).max() < _SAME:
+            if same_motion(loose.q, other):
                 return replace(made, route=route)
         strain = largest_strain(self._machinery, finisher.drive, course, loose.q, loose.duration)
         found, easy = loose, strain.times <= 1
@@ -350,6 +350,11 @@ class Trial:
         if not self.duration < least < np.inf:
             return None
         return too_fast(self._machinery, self._finder, self.course, self.duration, least)
+
+
+def same_motion(one: Array, other: Array) -> bool:
+    """Whether two motions at the same knots, (n, N), differ by nothing but rounding."""
+    return bool(np.abs(one - other).max() < _SAME)
 
 
 def _value(tried: Tried) -> float:

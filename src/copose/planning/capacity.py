@@ -131,6 +131,11 @@ class Capacity:
         fast, strong = np.array(sizes).T
         return fast, strong
 
+    @property
+    def strength(self) -> float:
+        """A typical contact wrench of the weakest arm, N or N·m."""
+        return float(min(self.sizes[1]))
+
     def holding(self, cell: Cell) -> Holding:
         """Where a cell's object is, and how heavy."""
         *parts, inertia = self._held(cell.parameters, np.zeros(0))
