@@ -26,6 +26,7 @@ from pathlib import Path
 from copose.kernels import whole_file
 from copose.kernels.source import FLAGS
 from copose.kernels.whole_file import name_of, settled
+from copose.progress import heed
 
 _PATIENCE = 120.0
 _BUILDING = ".building-"
@@ -203,12 +204,15 @@ class Code:
 def fill(codes: Mapping[str, Callable[[], Code]], *, wait: bool) -> None:
     """Compile kernels into the cache.
 
-    Nothing is raised: without a compiler or a folder the cache stays as it is. A library appears
-    whole, by a rename, so that any number of processes may do this at once.
+    Without a compiler or a folder the cache stays as it is. A library appears whole, by a rename,
+    so that any number of processes may do this at once.
 
     Args:
         codes: what writes the code, by key.
         wait: until the compiler has ended; else it goes on by itself, even after this process.
+
+    Raises:
+        StoppedError: the call that it serves has to end.
     """
     place, command = folder(), compiler()
     if place is None or command is None or not codes:
@@ -224,7 +228,11 @@ def fill(codes: Mapping[str, Callable[[], Code]], *, wait: bool) -> None:
     except OSError:
         return
     with contextlib.suppress(OSError), _held(scratch) as handle:
-        script = _script(codes, command, place, scratch)
+        try:
+            script = _script(codes, command, place, scratch)
+        except BaseException:
+            shutil.rmtree(scratch, ignore_errors=True)
+            raise
         shell = subprocess.Popen(
             # The shell returns at once and leaves the work to a child that nobody has to wait for.
             ["/bin/sh", "-c", script if wait else f"({script}\n) </dev/null >/dev/null 2>&1 &"],
@@ -253,6 +261,7 @@ def _script(
     patient = shutil.which("timeout")
     limited = [patient, str(int(_PATIENCE))] if patient is not None else []
     for key, write in codes.items():
+        heed()
         try:
             code = write()
         except NotImplementedError:

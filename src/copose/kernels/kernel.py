@@ -14,6 +14,7 @@ import numpy as np
 
 from copose.kernels import cache, source
 from copose.poses import Array
+from copose.progress import heed
 
 _BLOCK = 32
 _PROBE = 4
@@ -63,7 +64,9 @@ class Kernel:
 
         Raises:
             ValueError: they have other shapes, which compiled code could not tell.
+            StoppedError: the call that it serves has to end.
         """
+        heed()
         x, p = np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(p, dtype=float)
         count = len(x) if x.ndim else 0
         if x.shape != (count, self._nx) or p.shape not in ((self._np,), (count, self._np)):

@@ -16,6 +16,7 @@ import numpy as np
 from copose.paths.evaluation import Evaluated
 from copose.paths.knot_task import Form, KnotTask
 from copose.paths.linear_rows import Builder, LinearRows
+from copose.planning.ipopt import Ipopt
 from copose.planning.program import IPOPT
 from copose.poses import Array, Indices, Mask
 
@@ -166,7 +167,7 @@ class _Run:
         answer = self._solver(more | {"ipopt.max_iter": given.iterations})(
             x0=start.ravel(), lbx=lower.ravel(), ubx=upper.ravel(), lbg=low, ubg=high, **known
         )
-        values, stats = np.array(answer["g"]).ravel(), self._stats()
+        values, stats = np.array(answer["g"]).ravel(), self._nlp.stats()
         excess = np.maximum(np.maximum(low - values, values - high), 0.0)
         worst = int(np.nan_to_num(excess, nan=np.inf).argmax())
         y = np.array(answer["x"]).reshape(count, size)
@@ -178,10 +179,6 @@ class _Run:
             violated=(*self._name(worst), float(excess[worst])),
             multipliers=Multipliers(np.array(answer["lam_x"]), np.array(answer["lam_g"])),
         )
-
-    def _stats(self) -> dict[str, object]:
-        stats: dict[str, object] = self._nlp.stats()
-        return stats
 
     def _bounds(self) -> tuple[Array, Array]:
         low, high = self._task.bounds
@@ -283,7 +280,7 @@ class _Run:
         columns = np.concatenate([(j + size * starts).ravel(), beside + size])
         self._hessian, self._hessian_order = _compressed(size * n, size * n, rows, columns)
 
-    def _solver(self, more: dict[str, object]) -> ca.Function:
+    def _solver(self, more: dict[str, object]) -> Ipopt:
         n, size = self._count, self._size
         x, lam = ("x", size * n), ("lam_g", self._rows_count)
         p = ("p", 0)
@@ -304,7 +301,7 @@ class _Run:
         options = _OPTIONS | more | {
             "grad_f": self._gradient, "jac_g": self._jacobians, "hess_lag": self._hessians,
         }  # fmt: skip
-        self._nlp = ca.nlpsol("motion", "ipopt", self._oracle, options)
+        self._nlp = Ipopt("motion", self._oracle, (size * n, 0, self._rows_count), options)
         return self._nlp
 
     def _values(self, x: Array, p: Array) -> list[Array | float]:

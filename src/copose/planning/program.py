@@ -16,6 +16,7 @@ from copose.planning.cell import Cell
 from copose.planning.clearance import Apart
 from copose.planning.constraints import Constraint, closure_constraints, equality
 from copose.planning.hessian import differenced_hessian
+from copose.planning.ipopt import Ipopt
 from copose.planning.limits_measures import LimitsMeasure
 from copose.planning.limits_program import holding_addition, limits_addition
 from copose.planning.objectives import EllipsoidMeasure, Objective
@@ -137,22 +138,23 @@ class _Solver:
         self._upper = np.concatenate([c.upper for c, _ in constraints])
         self._free = np.full(beside.numel(), np.inf)
         self._exact_hessian, self._differenced = exact_hessian, moving.numel()
-        self._quick: ca.Function | None = None
+        self._quick: Ipopt | None = None
         if quick and not exact_hessian:
-            options = IPOPT | {"ipopt.hessian_approximation": "limited-memory"}
-            self._quick = ca.nlpsol("posture", "ipopt", self.expressions, options)
+            self._quick = self._built({"ipopt.hessian_approximation": "limited-memory"})
         else:
             assert self._solver is not None
 
     @cached_property
-    def _solver(self) -> ca.Function:
-        options = dict(IPOPT)
+    def _solver(self) -> Ipopt:
         if self._exact_hessian:
             # Starts keep torque limits already.
-            options["ipopt.mu_init"] = 1e-2
-        else:
-            options["hess_lag"] = differenced_hessian(self.expressions, self._differenced)
-        return ca.nlpsol("posture", "ipopt", self.expressions, options)
+            return self._built({"ipopt.mu_init": 1e-2})
+        hessian = differenced_hessian(self.expressions, self._differenced)
+        return self._built({"hess_lag": hessian})
+
+    def _built(self, options: dict[str, Any]) -> Ipopt:
+        x, p, g = (self.expressions[key].numel() for key in "xpg")
+        return Ipopt("posture", self.expressions, (x, p, g), IPOPT | options)
 
     def run(
         self, start: Array, extra: Array, parameters: Array, lower: Array, upper: Array
@@ -165,7 +167,7 @@ class _Solver:
 
     def _run(
         self,
-        solver: ca.Function,
+        solver: Ipopt,
         start: Array,
         extra: Array,
         parameters: Array,
