@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import TypeAlias
 
@@ -74,6 +74,8 @@ class Watch:
             if outer._deadline < self._deadline:
                 self._limit, self._deadline = outer._limit, outer._deadline
         self._now = Progress("beginning", None, None, None, 0.0)
+        if outer is not None:
+            self._now = replace(outer._now, best=None)
         self._ended_in: str | None = None
 
     @property

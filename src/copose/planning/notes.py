@@ -9,11 +9,17 @@ import numpy as np
 from copose.capability.torque_limits import Extreme
 from copose.planning.cell import Cell
 from copose.poses import Array
+from copose.progress import StoppedError
 
 # Joint accelerations, rad/s² or m/s², that no robot's joint lasts at.
 _QUICK = 100.0
 # Torque limits from here on, N·m or N, are more than an arm's joint has.
 _HUGE_EFFORT = 1000.0
+
+
+def best_so_far(stop: StoppedError) -> str:
+    """That a call had to end before it was done."""
+    return f"{stop}: the best so far; answers that are cut short may differ from run to run"
 
 
 def standing_notes(cell: Cell, *, everything: bool = False) -> tuple[str, ...]:

@@ -11,8 +11,10 @@ from copose.planning.cell import Cell
 from copose.planning.freedom import Freedom
 from copose.planning.measuring import Measurement
 from copose.planning.missing import misses
+from copose.planning.notes import best_so_far
 from copose.planning.placing import Placed, Placements, PlacementSearch
 from copose.planning.running import CLOSURE_TOLERANCE, EffortName, Run
+from copose.progress import StoppedError, sheltered, stage
 from copose.results import (
     FailureRecord,
     Optimum,
@@ -24,6 +26,8 @@ from copose.results import (
 )
 
 _STANDS = 1e-6
+# Of what is known when a search has to end, so many are measured.
+_ASKED = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +41,30 @@ class PlacedRun:
     run: Run
 
     def search(self, effort: EffortName, verify: bool) -> Solution:
-        """Search everything."""
+        """Search everything; the best so far where the call has to end."""
         run = self.run
         search = PlacementSearch(run.machinery, run.cell, run.seed, effort)
+        try:
+            return self._searched(search, effort, verify)
+        except StoppedError as stop:
+            with sheltered():
+                found = search.so_far
+                before, notes = self._before(search, found)
+                some = replace(found, optima=found.optima[:_ASKED])
+                after = self._best(search, some, before)
+                if after is None:
+                    raise
+                notes += (best_so_far(stop),)
+                return self._answer(search, found, effort, before, after, notes, None)
+
+    def _searched(self, search: PlacementSearch, effort: EffortName, verify: bool) -> Solution:
+        run = self.run
         found = search.run()
         before, notes = self._before(search, found)
         after = self._best(search, found, before)
         verification = None
         if verify and after is not None:
+            stage("verifying")
             seed = int(np.random.SeedSequence([run.seed, 1]).generate_state(1)[0])
             again = PlacementSearch(run.machinery, run.cell, seed, "high")
             second = again.run()
@@ -122,6 +142,8 @@ class PlacedRun:
     ) -> tuple[Placing | None, tuple[str, ...]]:
         """At the file's pose, clipped into the ranges, the start or the seed's first posture."""
         xs, problem = search.nominal, self.run.cell.problem
+        if len(found.first) < len(xs):
+            return None, ()
         cases, joints = [], []
         notes: list[str] = []
         for k, each in enumerate(found.first):

@@ -20,7 +20,7 @@ from copose.planning.machinery import Machinery, Setting
 from copose.planning.program import Given, LocalSolve
 from copose.planning.search import EFFORTS, Effort, Found, search
 from copose.poses import Array
-from copose.progress import hushed, stage
+from copose.progress import attained, heed, hushed, stage
 from copose.robots import finite_range
 
 if TYPE_CHECKING:
@@ -103,9 +103,12 @@ class PlacementSearch:
         self._freedom = self._places.freedom
         self._cases = cell.cases
         self.weights = [case.weight for case in cell.problem.cases] or [1.0]
+        self._first: tuple[Found, ...] = ()
+        self._starts: list[Placed] = []
+        self._ends: list[Placed] = []
         self._searches: list[Found] = []
         self._failures: list[LocalSolve] = []
-        self._closed = self._polished = 0
+        self._tried = self._closed = self._polished = 0
 
     @property
     def nominal(self) -> Everywhere:
@@ -128,42 +131,56 @@ class PlacementSearch:
 
     def run(self) -> Placements:
         """Search, polish, and search again where that ended."""
-        first, starts = self._at(self.nominal, EFFORTS["normal"])
-        tried = 1
-        for xs in () if self._hopeless(first) else self._placements():
-            stage("trying placements", tried, self._most)
-            starts += self._at(xs, self._glance)[1]
-            tried += 1
-        starts.sort(key=lambda start: -start.value)
-        best_sample = starts[0].value if starts else None
-        chosen = self._distinct(starts, _POLISHED[self._effort] // self._cost)
-        ends = [self.polish(start) for start in chosen]
-        for _ in range(_ROUNDS if ends else 0):
-            stage("polishing placements")
-            best = self._gathered(ends)[: _ENDS if len(self._cases) > 1 else 1]
+        stage("searching where the file has everything")
+        self._first, self._starts = self._at(self.nominal, EFFORTS["normal"])
+        self._tried = 1
+        for xs in () if self._hopeless(self._first) else self._placements():
+            stage("trying placements", min(self._tried, self._most), self._most)
+            self._starts += self._at(xs, self._glance)[1]
+            self._tried += 1
+        self._starts.sort(key=lambda start: -start.value)
+        chosen = self._distinct(self._starts, _POLISHED[self._effort] // self._cost)
+        self._climb(chosen)
+        for _ in range(_ROUNDS if self._ends else 0):
+            best = self._gathered(self._ends)[: _ENDS if len(self._cases) > 1 else 1]
+            stage("searching where placements ended")
             more = []
             for end in best:
                 more += self._at(end.x, EFFORTS["normal"])[1]
-                tried += 1
+                self._tried += 1
             around = []
             for xs in self._around(best[0].x):
                 around += self._at(xs, self._glance)[1][:1]
-                tried += 1
+                self._tried += 1
             around.sort(key=lambda start: -start.value)
             more += around[:_BEST_AROUND]
-            ends += [self.polish(start) for start in self._unlike(more, ends)]
-            if not max(end.value for end in ends) > best[0].value + SAME_OBJECTIVE:
+            self._climb(self._unlike(more, self._ends))
+            if not max(end.value for end in self._ends) > best[0].value + SAME_OBJECTIVE:
                 break
+        return self._placements_of(self._gathered(self._ends))
+
+    @property
+    def so_far(self) -> Placements:
+        """What a run that has to end has come to: also what was not polished yet."""
+        return self._placements_of(self._gathered([*self._ends, *self._starts]))
+
+    def _placements_of(self, optima: Sequence[Placed]) -> Placements:
         return Placements(
-            optima=tuple(self._gathered(ends)),
-            first=first,
+            optima=tuple(optima),
+            first=self._first,
             searches=tuple(self._searches),
-            tried=tried,
+            tried=self._tried,
             closed=self._closed,
             polished=self._polished,
-            best_sample=best_sample,
+            best_sample=max((start.value for start in self._starts), default=None),
             failures=tuple(self._failures),
         )
+
+    def _climb(self, starts: Sequence[Placed]) -> None:
+        for k, start in enumerate(starts):
+            stage("polishing placements", k, len(starts))
+            self._ends.append(self.polish(start))
+            attained(self._ends[-1].value)
 
     @property
     def _most(self) -> int:
@@ -208,6 +225,10 @@ class PlacementSearch:
 
     def _drawn(self, count: int, turn: int) -> Array:
         """Evenly scattered over the ranges, (count, d)."""
+        # What takes longest to load of what that loads, for the call to end in between.
+        import scipy.optimize  # noqa: F401
+
+        heed()
         from scipy.stats import qmc
 
         rng = np.random.default_rng([self._seed, 8, turn])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -17,7 +17,7 @@ from copose.planning.giving_way import all_judged, combinations, heaviest, uncar
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.measuring import Measurement
 from copose.planning.missing import misses
-from copose.planning.notes import margin_notes
+from copose.planning.notes import best_so_far, margin_notes
 from copose.planning.optima import LocalOptimum
 from copose.planning.reachability import Reached, reachable
 from copose.planning.search import (
@@ -30,6 +30,7 @@ from copose.planning.search import (
 from copose.planning.tightening import tightened
 from copose.planning.within_reach import WithinReach
 from copose.poses import Array
+from copose.progress import StoppedError, heed, sheltered, stage
 from copose.results import (
     FailureRecord,
     Optimum,
@@ -48,6 +49,17 @@ CLOSURE_TOLERANCE = 1e-8
 _START_CLOSED = 1e-6
 _STANDS = 1e-6
 _NUDGES = 8
+# Of what is known when a search has to end, so many are measured.
+_ASKED = 4
+
+
+@dataclass
+class _SoFar:
+    """What an answer in the making has come to."""
+
+    within: WithinReach | None = None
+    found: Found = field(default_factory=lambda: Found(()))
+    after: Measurement | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +87,49 @@ class Run:
         )
 
     def search(self, effort: EffortName, verify: bool) -> Solution:
-        """Search everything."""
+        """Search everything; the best so far where the call has to end."""
+        so_far = _SoFar()
+        try:
+            return self._searched(effort, verify, so_far)
+        except StoppedError as stop:
+            with sheltered():
+                return self._cut_short(effort, so_far, stop)
+
+    def _cut_short(self, effort: EffortName, so_far: _SoFar, stop: StoppedError) -> Solution:
+        """The best so far of a call that has to end.
+
+        Raises:
+            StoppedError: there is nothing yet.
+        """
+        within, found = so_far.within, so_far.found
+        samples = found.samples if within is None else within.samples
+        if len(samples) < len(self.cell.arms) or not all(len(s.closed) for s in samples):
+            raise stop
+        before, notes = self.before(found) if within is None else self._where(within)
+        after = so_far.after
+        if after is None:
+            some = replace(found, optima=found.optima[:_ASKED])
+            after, _ = self._best(some, before, within)
+        if after is None and before.value is not None and self.allowed(before):
+            after = before
+        if after is None:
+            raise stop
+        return answer(
+            self.cell,
+            self.machinery.objective,
+            status="solved",
+            notes=(*notes, best_so_far(stop)),
+            before=before,
+            after=after,
+            search=self._record(found, self.seed, effort, after.value),
+            timing=self.timing,
+        )
+
+    def _searched(self, effort: EffortName, verify: bool, so_far: _SoFar) -> Solution:
         status: Status
-        within, found = self._found(effort)
+        within, found = self._found(effort, so_far)
+        so_far.found = found
+        heed()
         if any(len(sample.closed) == 0 for sample in found.samples):
             if within is not None:
                 reason, sure = within.stuck
@@ -98,14 +150,16 @@ class Run:
             if beyond is not None:
                 reason, sure = beyond
                 return self._none(found, effort, reason, before, notes, sure=sure)
-        found = self._tightened(found, within)
+        found = so_far.found = self._tightened(found, within)
         after, value = self._best(found, before, within)
+        so_far.after = after
         verification = None
         if verify and value is not None:
             verification, better = self._verified(effort, value, within)
             if better is not None:
-                found = self._tightened(better, within)
+                found = so_far.found = self._tightened(better, within)
                 after, value = self._best(found, before, within)
+                so_far.after = after
         reached = self._reached(found, before, after, within)
         if reached.why and any(arm.start is not None for arm in self.cell.arms):
             notes += (
@@ -134,7 +188,7 @@ class Run:
             reachable=reached.whole,
         )
 
-    def _found(self, effort: EffortName) -> tuple[WithinReach | None, Found]:
+    def _found(self, effort: EffortName, so_far: _SoFar) -> tuple[WithinReach | None, Found]:
         """What is searched where only what can be reached counts, and what a search finds."""
         tried = EFFORTS[effort]
         if not self.cell.problem.search.reachable:
@@ -143,6 +197,7 @@ class Run:
         within = WithinReach.of(self.machinery, self.setting, starts, self.seed, tried)
         if not isinstance(within, WithinReach):
             return None, Found(within)
+        so_far.within = within
         return within, within.search(self.seed, tried)
 
     def _none(
@@ -404,6 +459,7 @@ class Run:
         self, effort: EffortName, value: float, within: WithinReach | None
     ) -> tuple[VerificationRecord, Found | None]:
         """A second search, and what it found where that is better."""
+        stage("verifying")
         seed = int(np.random.SeedSequence([self.seed, 1]).generate_state(1)[0])
         more = EFFORTS[effort].doubled()
         again = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -19,7 +20,7 @@ from copose.planning.program import LocalSolve
 from copose.planning.screening import Screened, screen
 from copose.planning.self_motion import ArmSample, ArmSampler, held_sample
 from copose.poses import Array, Indices, Mask
-from copose.progress import stage
+from copose.progress import StoppedError, over, sheltered, stage
 
 Allowed: TypeAlias = Callable[[Indices], Mask]
 """Says of combinations of the arms' postures, by their indices, (count, K), which are allowed."""
@@ -37,6 +38,8 @@ _UNLIKE = 2
 _BLOCKED = 3
 # Best ends of which all pairs can be judged by linear programs.
 _RECOMBINED = 16
+# Of what is known when a search has to end, so many are asked whether they are an answer.
+_ASKED = 4
 
 
 @dataclass(frozen=True)
@@ -128,11 +131,16 @@ class Found:
 def search(machinery: Machinery, setting: Setting, seed: int, effort: Effort) -> Found:
     """Find the local optima of a cell, the best of them first.
 
+    What is known where the call has to end is what is found, once every arm's postures are.
+
     Args:
         machinery: what is built.
         setting: where the object is.
         seed: of everything that is drawn.
         effort: how much is tried.
+
+    Raises:
+        StoppedError: the call has to end, and nothing is known.
     """
     cell = setting.cell
     K = len(cell.arms)
@@ -156,17 +164,24 @@ def search(machinery: Machinery, setting: Setting, seed: int, effort: Effort) ->
     if setting.clearance is None:
         return found
     # What bodies in the way leave is worth no more than what there is without them.
-    known = machinery.first_apart(setting, found.optima)
+    if over():
+        with sheltered():
+            known = machinery.first_apart(setting, found.optima[:_ASKED])
+    else:
+        known = machinery.first_apart(setting, found.optima)
     if known is not None and known is found.optima[0]:
         return replace(found, optima=(known,))
-    cleared = clear_postures(machinery, setting, postures)
     optima = () if known is None else (known,)
+    try:
+        cleared = clear_postures(machinery, setting, postures)
+    except StoppedError:
+        return replace(found, optima=optima)
     if cleared.blocked:
         return replace(found, optima=optima, blocked=() if optima else cleared.blocked)
     polished = Climbs(machinery, setting, effort.polished)
     polished.ends += optima
     found = compared(polished, samples, cleared.postures, cleared.neighbours, seed, effort)
-    if found.optima or found.failures:
+    if found.optima or found.failures or over():
         return found
     return replace(found, blocked=(in_each_others_way(setting, cleared.postures, seed),))
 
@@ -180,7 +195,8 @@ def compared(
     effort: Effort,
     allowed: Allowed | None = None,
 ) -> Found:
-    """Combine the arms' postures, polish the best, and combine anew.
+    """Combine the arms' postures, polish the best, and combine anew, for as long as the call may
+    go on.
 
     Args:
         polished: what is known already; grows.
@@ -193,11 +209,76 @@ def compared(
             keep a clearance, those are that do.
     """
     machinery, setting = polished.machinery, polished.setting
+    combined = _Combined(np.zeros((0, sum(arm.n for arm in setting.cell.arms))))
+    with suppress(StoppedError):
+        _combine(polished, combined, postures, near, seed, effort, allowed)
+    with sheltered():
+        starts = combined.starts
+        if combined.screened is not None and not combined.judged:
+            starts, _ = _distinct(setting.cell, postures, combined.screened, _ASKED)
+        _stand_in(polished, starts)
+        first = machinery.objectives(setting, starts[:1]) if len(starts) else None
+    return Found(
+        samples=tuple(samples),
+        combinations=combined.count,
+        best_sample=None if first is None else float(first[0]),
+        starts=polished.starts,
+        optima=tuple(gathered(setting.cell, polished.ends)),
+        failures=tuple(polished.failures),
+        best=starts[0] if len(starts) else None,
+    )
+
+
+@dataclass
+class _Combined:
+    """Combinations of the arms' postures.
+
+    Attributes:
+        count: how many were evaluated.
+        screened: the best by a score.
+        judged: whether the objective itself has compared them.
+        starts: the best that differ, (count, N).
+    """
+
+    starts: Array
+    count: int = 0
+    screened: Screened | None = None
+    judged: bool = False
+
+
+def _stand_in(polished: Climbs, starts: Array) -> None:
+    """Where bodies are in the way a climb may fail, and where the call has to end there may have
+    been none: a sample that is allowed stands in for it.
+    """
+    machinery, setting = polished.machinery, polished.setting
+    if not len(starts) or (setting.clearance is None and not over()):
+        return
+    starts = starts[: _ASKED if over() else None]
+    for start, value in zip(starts, machinery.objectives(setting, starts), strict=True):
+        if value <= polished.best:
+            break
+        if machinery.exactly(setting, start) and machinery.held(setting, start[None])[0]:
+            polished.keep(start, value)
+            break
+
+
+def _combine(
+    polished: Climbs,
+    combined: _Combined,
+    postures: list[Array],
+    near: list[Indices],
+    seed: int,
+    effort: Effort,
+    allowed: Allowed | None,
+) -> None:
+    """See `compared`; tells as it goes what was combined."""
+    machinery, setting = polished.machinery, polished.setting
     cell = setting.cell
     K = len(cell.arms)
     stage("comparing postures")
     rng = np.random.default_rng([seed, K])
     screened = _screened(machinery, setting, postures, near, rng, effort.starts, allowed)
+    combined.count, combined.screened = screened.combinations, screened
     # A step in many dimensions takes many evaluations.
     spare = sum(max(0, kernels.n - kernels.m) for kernels in machinery.arms)
     most = max(_FEWEST, int(effort.polished * min(1.0, _PLAIN / max(spare, 1))))
@@ -205,13 +286,14 @@ def compared(
         most *= _UNLIKE
     screened = judged(machinery, setting, postures, near, screened, most)
     starts, scores = _distinct(cell, postures, screened, most)
+    combined.judged, combined.starts = True, starts
     polished.add_promising(starts, scores)
     if spare > K and len(starts) and not machinery.dear:
         counts = [len(mine) for mine in postures]
         drawn = rng.integers(0, counts, (int(effort.blind * min(1.0, _PLAIN / spare)), K))
         picked = np.hstack([mine[k] for mine, k in zip(postures, drawn.T, strict=True)])
         polished.add(picked[machinery.clear(setting, picked)])
-    combinations, postures_of = screened.combinations, postures
+    postures_of = postures
     dense = K <= 2 and all(kernels.n - kernels.m <= 1 for kernels in machinery.arms)
     # Where another score has compared them the best pair may have looked like many.
     dense = dense and machinery.newton
@@ -232,7 +314,7 @@ def compared(
                 break
         near = [np.zeros((len(mine), 0), dtype=np.intp) for mine in postures]
         screened = _screened(machinery, setting, postures, near, rng, effort.starts)
-        combinations += screened.combinations
+        combined.count += screened.combinations
         screened = judged(machinery, setting, postures, near, screened, most)
         # Where kinks make what was climbed stand above all that was not, only the latter counts.
         known = None if machinery.newton else polished.known
@@ -241,23 +323,6 @@ def compared(
         polished.add(polished.unknown(again))
         if not polished.best > before + SAME_OBJECTIVE:
             break
-    if setting.clearance is not None:
-        # Where bodies are in the way a climb may fail: a sample that keeps clear stands in for it.
-        for start, value in zip(starts, machinery.objectives(setting, starts), strict=True):
-            if value <= polished.best:
-                break
-            if machinery.exactly(setting, start):
-                polished.ends.append(LocalOptimum(start, float(value), 1))
-                break
-    return Found(
-        samples=tuple(samples),
-        combinations=combinations,
-        best_sample=float(machinery.objectives(setting, starts[:1])[0]) if len(starts) else None,
-        starts=polished.starts,
-        optima=tuple(gathered(cell, polished.ends)),
-        failures=tuple(polished.failures),
-        best=starts[0] if len(starts) else None,
-    )
 
 
 def local_search(machinery: Machinery, setting: Setting, q: Array) -> Found:

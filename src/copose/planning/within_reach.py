@@ -24,10 +24,12 @@ from copose.planning.reachability import Component, component, reachable
 from copose.planning.search import Effort, Found, compared
 from copose.planning.self_motion import ArmSample, ArmSampler, neighbours
 from copose.poses import Array, Indices, Mask
-from copose.progress import stage
+from copose.progress import over, sheltered, stage
 
 # Optima that are followed from the start, and the turns of joints in which each is.
 _FOLLOWED, _TURNS = 24, 64
+# The same where the call has to end.
+_ASKED = 2
 # Where bodies are in the way a start that the file does not give is the first of so many that keep
 # clear.
 _DRAWN = 512
@@ -163,8 +165,16 @@ class WithinReach:
 
     def confirmed(self, found: Found) -> Found:
         """A search with those of its optima that can be come to; where its best combination before
-        polishing is better, or there is none, with that.
+        polishing is better, or there is none, with that. Where the call has to end, of a few that
+        are quick to tell.
         """
+        if not over():
+            return self._confirmed(found)
+        quick = found.optima[:_ASKED] if self.setting.clearance is None else ()
+        with sheltered():
+            return self._confirmed(replace(found, optima=quick, best=None))
+
+    def _confirmed(self, found: Found) -> Found:
         kept = []
         for optimum in found.optima[:_FOLLOWED]:
             q = self._come_to(optimum.q)
