@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from copose.capability.ellipsoid import _unit
 from copose.errors import CoposeError
 from copose.poses import Array, Indices, Mask, frozen_array
+from copose.progress import heed
 
 # Half-spaces that are enumerated at most; with more there are linear programs.
 _MOST = 10**6
@@ -245,6 +246,7 @@ class ExactSet:
         choices = itertools.combinations(range(N), m - 1)
         Y, h = [], []
         while block := list(itertools.islice(choices, _CHUNK)):
+            heed()
             chosen = np.array(block, dtype=np.intp)
             # The last column of Q is perpendicular to the m − 1 others, however dependent they are,
             # but of dependent ones it is any such vector: a half-space that need not be a facet's.

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from copose.poses import Array
+from copose.progress import heed
 
 _ITERATIONS = 40
 TOLERANCE = 1e-10
@@ -51,6 +52,7 @@ def maximise_first(A: Array, b: Array, within: float = TOLERANCE) -> tuple[Array
     best, left = np.full_like(x, np.nan), np.full(count, np.inf)
     going = np.flatnonzero(np.linalg.norm(A[:, :, -1], axis=1) > _NOTHING)
     for _ in range(_ITERATIONS):
+        heed()
         a, here = A[going], (x[going], s[going], z[going])
         x_, s_, z_ = here
         primal = b[going] - (a @ x_[:, :, None])[:, :, 0] - s_

@@ -130,6 +130,34 @@ class Finisher:
         value = self.value(course, np.hstack(seen.q), found.duration)
         return Finished(course, seen, found.duration, value)
 
+    def unfinished(self, best: Shaped) -> Finished | None:
+        """A motion with the knots that are asked for, or some more, as it is: where it keeps
+        everything without another program; else None.
+        """
+        for count in (self.path.knots, 2 * self.path.knots - 1):
+            course = self.course(count)
+            straight = interpolated(uniform(len(best.q)), best.q, course.phases)
+            found = replace(best, q=self.closed(straight, course))
+            if self._kept_at_knots(course, found, same=count == len(best.q)):
+                seen = self._seen(course, found)
+                if seen.fine:
+                    value = self.value(course, np.hstack(seen.q), found.duration)
+                    return Finished(course, seen, found.duration, value)
+        return None
+
+    def _kept_at_knots(self, course: Course, found: Shaped, *, same: bool) -> bool:
+        """Whether a motion keeps limits and clearance at knots that its program may not have had;
+        ``same`` where it had.
+        """
+        cell = self.machinery.cell
+        within = (found.q >= np.concatenate(cell.lower)) & (found.q <= np.concatenate(cell.upper))
+        if not within.all() or not self.shaper.keeps_limits(course, found):
+            return False
+        if same:
+            return True
+        held = zip(course.settings, found.q, strict=True)
+        return not self.machinery.static and all(self.machinery.exactly(s, q) for s, q in held)
+
     def _seen(self, course: Course, found: Shaped) -> Seen:
         machinery, duration = self.machinery, found.duration
         q = machinery.split(self.closed(found.q, course))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -22,14 +22,15 @@ from copose.paths.obstruction import (
 from copose.paths.rate_bounds import outrun
 from copose.paths.roadmap import Roadmap
 from copose.paths.straining import holding_shares
-from copose.paths.trying import Ends, Trial, Tried, same_motion
+from copose.paths.trying import Ends, Outcome, Trial, Tried, same_motion
 from copose.paths.values import Values
 from copose.planning.capacity import HELD
 from copose.planning.machinery import Machinery
+from copose.planning.notes import best_so_far
 from copose.planning.running import Run
 from copose.poses import Array
 from copose.problem import PathSpec
-from copose.progress import stage
+from copose.progress import StoppedError, attained, sheltered, stage
 from copose.results import Motion, PathSearchRecord, RouteRecord
 
 # Layers of the graph, at least.
@@ -51,6 +52,19 @@ _FALLS = 0.01
 _FROM, _TRAVEL = 1.05, 1.0
 # Longer durations that are tried, each twice the one before, where the object stays.
 _SLOWER = 3
+# Of the motions known when the planner has to end, so many are asked whether they are an answer.
+_ASKED = 2
+
+
+@dataclass
+class _SoFar:
+    """What a motion in the making has come to."""
+
+    course: Course | None = None
+    roadmaps: list[Roadmap] = field(default_factory=list)
+    combinations: int = 0
+    trial: Trial | None = None
+    finished: Finished | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +92,35 @@ class Making:
         return self.finisher.machinery
 
     def motion(self, ends: Ends | None) -> Motion:
-        """Find routes, make motions of them, and take the best."""
+        """Find routes, make motions of them, and take the best; the best so far where the call has
+        to end.
+        """
+        so_far = _SoFar()
+        try:
+            return self._motion(ends, so_far)
+        except StoppedError as stop:
+            with sheltered():
+                return self._cut_short(so_far, stop)
+
+    def _cut_short(self, so_far: _SoFar, stop: StoppedError) -> Motion:
+        """The best motion so far.
+
+        Raises:
+            StoppedError: there is none yet.
+        """
+        trial, found = so_far.trial, so_far.finished
+        if trial is None or so_far.course is None:
+            raise stop
+        tried = Outcome.of(trial.tried, None, shortest=self.finisher.shaper.shortest).tried
+        for each in tried[:_ASKED]:
+            found = found or self.finisher.unfinished(each.shaped)
+        if found is None:
+            raise stop
+        record = self._record(so_far.course, so_far.roadmaps, so_far.combinations, tried)
+        self.answer.notes.append(best_so_far(stop))
+        return self.answer.solved(self.finisher.journey, found, record)
+
+    def _motion(self, ends: Ends | None, so_far: _SoFar) -> Motion:
         journey = self.finisher.journey
         held = self._started() if ends is None else ends
         if isinstance(held, Obstruction):
@@ -92,7 +134,7 @@ class Making:
         why = self._uncarried(course) or self._dropped(course, held) or self._outpaced(course)
         if why is not None:
             return self.answer.stopped(why, None)
-        roadmaps: list[Roadmap] = []
+        so_far.course, roadmaps = course, so_far.roadmaps
         why = self._follow(course, held, roadmaps)
         if why is not None:
             return self.answer.stopped(why, self._record(course, roadmaps, 0, []))
@@ -103,18 +145,20 @@ class Making:
         )
         if self.finisher.shaper.shortest:
             trial = trial.lasting(self._reckoned(trial.least_duration()))
+        so_far.trial = trial
         outcome = trial.outcome()
         for _ in range(_SLOWER if self.answer.problem.path is None else 0):
             if outcome.why is None or not outcome.tried:
                 break
             # Nobody has said how long it may take.
-            trial = trial.lasting(2 * trial.duration)
+            trial = so_far.trial = trial.lasting(2 * trial.duration)
             outcome = trial.outcome()
+        so_far.combinations = values.combinations
         record = self._record(course, roadmaps, values.combinations, outcome.tried)
         if outcome.why is not None:
             return self.answer.stopped(outcome.why, record)
         stage("checking between knots")
-        found = self._finished(outcome.tried, trial)
+        found = self._finished(outcome.tried, trial, so_far)
         if isinstance(found, Obstruction):
             return self.answer.stopped(found, record)
         return self.answer.solved(journey, found, record)
@@ -206,7 +250,9 @@ class Making:
             self.machinery, course, i, self.seed, start, goal, returns=self.path.closed, finer=finer
         )
 
-    def _finished(self, tried: Sequence[Tried], trial: Trial) -> Finished | Obstruction:
+    def _finished(
+        self, tried: Sequence[Tried], trial: Trial, so_far: _SoFar
+    ) -> Finished | Obstruction:
         """The best motion, of the next routes too where one falls behind what theirs promise."""
         best: Finished | Obstruction | None = None
         known: list[Array] = []
@@ -226,6 +272,9 @@ class Making:
                 or (isinstance(found, Finished) and self._better(found, best))
             ):
                 best = found
+            if isinstance(best, Finished):
+                so_far.finished = best
+                attained(best.value)
         assert best is not None
         return best
 

@@ -234,6 +234,10 @@ class Shaper:
             return found
         return replace(found, converged=False, status="Limits_Not_Kept", violated=("", 0, 0.0))
 
+    def keeps_limits(self, course: Course, found: Shaped) -> bool:
+        """Whether speeds, accelerations and torques as they are reported keep limits."""
+        return self._used(course, found).within
+
     def _again(self, case: Case, found: Shaped) -> Shaped:
         """The best motion of a tightened program, near the one before."""
         if not self.shortest:

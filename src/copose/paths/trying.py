@@ -102,6 +102,7 @@ class Trial:
         values: of combinations of their postures.
         duration: s; where the shortest is sought, the one that is reckoned with.
         seed: of everything that is drawn.
+        tried: motions that programs made of routes so far.
     """
 
     finisher: Finisher
@@ -111,11 +112,12 @@ class Trial:
     values: Values
     duration: float
     seed: int
+    tried: list[Tried] = field(default_factory=list)
     _known: list[tuple[Array, Tried]] = field(default_factory=list)
 
     def lasting(self, duration: float) -> Trial:
         """The same in another time."""
-        return replace(self, duration=duration, _known=[])
+        return replace(self, duration=duration, tried=[], _known=[])
 
     def least_duration(self) -> float:
         """S that joints need at their speed limits, about; 0 without such, ∞ where no way is."""
@@ -294,7 +296,9 @@ class Trial:
     def _valued(self, route: Route, found: Shaped) -> Tried:
         if not found.converged:
             return Tried(route, found, None)
-        return Tried(route, found, self.finisher.value(self.course, found.q, found.duration))
+        tried = Tried(route, found, self.finisher.value(self.course, found.q, found.duration))
+        self.tried.append(tried)
+        return tried
 
     def _spared_of(self, routes: Sequence[Route]) -> tuple[list[Tried], Obstruction | None]:
         """Motions by way of some that spare torques and accelerations, and why there are none."""

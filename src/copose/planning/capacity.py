@@ -117,6 +117,8 @@ class Capacity:
             cell.problem.constraints.internal_force,
         )
         self.sizes = self._sizes(cell)
+        # Measuring takes linear programs: loaded now they delay no answer that has to come at once.
+        import scipy.optimize  # noqa: F401
 
     def _sizes(self, cell: Cell) -> tuple[Array, Array]:
         rng, sizes = np.random.default_rng(0), []

@@ -20,6 +20,7 @@ from copose.planning.cell import Cell
 from copose.planning.constraints import Constraint
 from copose.planning.measuring import Measurement
 from copose.poses import Array, Indices, Mask, Pose
+from copose.progress import heed
 from copose.results import CollisionRecord, Matrix, matrix
 from copose.robots import finite_range
 
@@ -392,6 +393,7 @@ class Clearance:
         clear = np.ones(len(chosen), dtype=bool)
         first, second, starts = self._capsule_pairs
         for pair in self.shared:
+            heed()
             (a, b), (i, j) = self.scene.pairs[pair], self._pair_arms[pair]
             rows = np.flatnonzero(clear)
             here, there = chosen[rows, i], chosen[rows, j]
