@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import math
 import os
+import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TextIO
 
 from copose.errors import InputError, one_line, shown
-from copose.progress import Progress, Tell, stage, watched
+from copose.progress import Progress, Tell, Watch, stage, watched
 from copose.version import __version__
 
 if TYPE_CHECKING:
@@ -21,7 +24,8 @@ if TYPE_CHECKING:
     from copose.problem import Problem
     from copose.results import Motion, Solution
 
-SOLVED, WRONG_INPUT, INFEASIBLE, FAILED, READER_GONE = 0, 2, 3, 4, 128 + 13
+SOLVED, WRONG_INPUT, INFEASIBLE, FAILED = 0, 2, 3, 4
+INTERRUPTED, READER_GONE = 128 + 2, 128 + 13
 _STATUS = {"solved": SOLVED, "infeasible": INFEASIBLE, "failed": FAILED}
 _RESULT, _PICTURE = "result.json", "before_after.png"
 _TRAJECTORY, _ROS, _WAY, _FILM = "trajectory.csv", "trajectory.yaml", "path.png", "path.gif"
@@ -80,7 +84,7 @@ def _parser() -> argparse.ArgumentParser:
 
     solve = _command(commands, "solve", "find the best posture", _solve)
     _add_outputs(solve, (_PICTURE,), _MISS)
-    solve.add_argument("--seed", type=_seed, metavar="N", help="in place of the file's seed")
+    _add_search(solve)
     solve.add_argument(
         "--effort", choices=("low", "normal", "high"), default="normal",
         help="how much is searched (default: normal)",
@@ -98,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
 
     path = _command(commands, "path", "the best joint motion along an object path", _path)
     _add_outputs(path, (_TRAJECTORY, _WAY), _FIGURE)
-    path.add_argument("--seed", type=_seed, metavar="N", help="in place of the file's seed")
+    _add_search(path)
     path.add_argument(
         "--ros", action="store_true",
         help=f"also write {_ROS}, a trajectory_msgs/JointTrajectory",
@@ -142,6 +146,14 @@ def _add_outputs(command: argparse.ArgumentParser, beside: tuple[str, ...], figu
     command.add_argument("--json", action="store_true", help="print the result instead of a table")
 
 
+def _add_search(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--seed", type=_seed, metavar="N", help="in place of the file's seed")
+    command.add_argument(
+        "--time-limit", type=_seconds, metavar="S",
+        help="the best found S seconds after the command began, writing apart",
+    )  # fmt: skip
+
+
 def _add_telling(command: argparse.ArgumentParser) -> None:
     told = command.add_mutually_exclusive_group()
     told.add_argument("--quiet", action="store_true", help="print no table, show no progress")
@@ -154,25 +166,43 @@ def _seed(text: str) -> int:
     return int(text)
 
 
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not 0 < seconds < math.inf:
+        raise argparse.ArgumentTypeError(f"{shown(text)} is no finite number of seconds above 0")
+    return seconds
+
+
 def _solve(arguments: argparse.Namespace) -> int:
-    with _watched(arguments):
+    with _watched(arguments) as watch:
         folder, problem = _prepare(arguments, (_PICTURE,))
         from copose.planning import solve
 
-        solution = solve(
-            problem, seed=arguments.seed, effort=arguments.effort, verify=arguments.verify
-        )
+        with _interruptible(watch):
+            solution = solve(
+                problem,
+                seed=arguments.seed,
+                effort=arguments.effort,
+                verify=arguments.verify,
+                time_limit=arguments.time_limit,
+            )
+        if watch.interrupted:
+            return _interrupted(solution, folder, {})
         _write_solution(solution, folder, arguments)
     return _say_solution(solution, folder, arguments)
 
 
 def _path(arguments: argparse.Namespace) -> int:
     wanted = {_TRAJECTORY: True, _ROS: arguments.ros, _WAY: True, _FILM: arguments.animate}
-    with _watched(arguments):
+    with _watched(arguments) as watch:
         folder, problem = _prepare(arguments, [name for name, asked in wanted.items() if asked])
         from copose.paths import plan
 
-        motion = plan(problem, seed=arguments.seed)
+        with _interruptible(watch):
+            motion = plan(problem, seed=arguments.seed, time_limit=arguments.time_limit)
         from copose.report import motion_animation, motion_picture, motion_table
         from copose.results import joint_trajectory_yaml, trajectory_csv
 
@@ -184,6 +214,9 @@ def _path(arguments: argparse.Namespace) -> int:
         }
         solved = motion.status == "solved"
         beside = {name: make for name, make in makers.items() if solved and wanted[name]}
+        if watch.interrupted:
+            quick = {name: beside[name] for name in (_TRAJECTORY, _ROS) if name in beside}
+            return _interrupted(motion, folder, quick)
         _write(motion, folder, beside, arguments.figure if solved else None)
     return _say(motion, motion_table(motion), folder, arguments)
 
@@ -388,11 +421,48 @@ def _emptied(stream: TextIO) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _watched(arguments: argparse.Namespace) -> Iterator[None]:
-    """A command that shows what it is doing."""
-    with _shown(arguments) as tell, watched(tell, began=arguments.began):
-        stage("reading")
+def _interruptible(watch: Watch) -> Iterator[None]:
+    """What the first ^C brings to its end, with the best so far; the next does what it did before.
+
+    Args:
+        watch: of the command.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if not callable(before) or threading.current_thread() is not threading.main_thread():
         yield
+        return
+
+    def interrupt(*_: object) -> None:
+        signal.signal(signal.SIGINT, before)
+        watch.interrupt()
+
+    signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _interrupted(
+    answer: Solution | Motion, folder: Path, beside: Mapping[str, Callable[[], bytes]]
+) -> int:
+    """Write what an interrupted command has found, without pictures, which take a second or two,
+    and say so.
+    """
+    written = ""
+    if answer.status == "solved":
+        _write(answer, folder, beside, None)
+        written = f": the best so far is in {folder / _RESULT}"
+    _tell(f"interrupted{written}")
+    return INTERRUPTED
+
+
+@contextlib.contextmanager
+def _watched(arguments: argparse.Namespace) -> Iterator[Watch]:
+    """A command that shows what it is doing."""
+    with _shown(arguments) as tell, watched(tell, began=arguments.began) as watch:
+        stage("reading")
+        yield watch
 
 
 @contextlib.contextmanager

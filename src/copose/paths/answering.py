@@ -13,8 +13,10 @@ from copose.paths.finishing import Finished
 from copose.paths.journey import Journey
 from copose.paths.obstruction import Obstruction
 from copose.paths.tracking import tracked
+from copose.planning.cell import Cell
 from copose.planning.machinery import Machinery
 from copose.planning.notes import extreme_notes, standing_notes
+from copose.planning.objectives import Objective
 from copose.poses import Array
 from copose.problem import PathSpec, Problem
 from copose.results import (
@@ -38,7 +40,8 @@ class Answer:
     Attributes:
         problem: as asked.
         path: its ``[path]``.
-        machinery: what measures postures.
+        cell: with the arms.
+        objective: what is maximised.
         build_s: seconds that building took.
         began: when planning did.
         compiled: whether compiled kernels are in use.
@@ -49,7 +52,8 @@ class Answer:
 
     problem: Problem
     path: PathSpec
-    machinery: Machinery
+    cell: Cell
+    objective: Objective
     build_s: float
     began: float
     compiled: bool = False
@@ -79,6 +83,7 @@ class Answer:
 
     def solved(
         self,
+        machinery: Machinery,
         journey: Journey,
         found: Finished,
         search: PathSearchRecord,
@@ -86,12 +91,12 @@ class Answer:
         """A motion."""
         course, duration, seen = found.course, found.duration, found.seen
         q, driven = seen.q, seen.driven
-        names = [arm.name for arm in self.machinery.cell.arms]
+        names = [arm.name for arm in self.cell.arms]
         knots, values = [], []
         notes: list[str] = []
         extremes = []
         for k, setting in enumerate(course.settings):
-            measured = self.machinery.measure(setting, [mine[k] for mine in q])
+            measured = machinery.measure(setting, [mine[k] for mine in q])
             posture = measured.posture
             given = {key: getattr(posture, key) for key in posture.model_fields_set}
             given.pop("capsules", None)
@@ -109,12 +114,12 @@ class Answer:
                     else self._by_arm(names, driven.torques, k),
                 )
             )
-        notes += extreme_notes(self.machinery.cell, extremes)
-        if driven.torques is None and not self.machinery.cell.weightless:
+        notes += extreme_notes(self.cell, extremes)
+        if driven.torques is None and not self.cell.weightless:
             notes.append("no contact wrenches carry the object as it moves: there are no torques")
         step = duration / (len(course) - 1)
         rates = np.diff(np.hstack(q), axis=0) / step
-        before, tracking = self._tracked(course, journey, q, duration)
+        before, tracking = self._tracked(machinery, course, journey, q, duration)
         unheeded = self._unheeded()
         if before is not None and unheeded:
             notes.append(f"before, least-norm tracking, does not heed {' and '.join(unheeded)}")
@@ -136,23 +141,28 @@ class Answer:
     def _unheeded(self) -> list[str]:
         """What the motion keeps and least-norm tracking need not."""
         constraints = self.problem.constraints
-        joints = [joint for arm in self.machinery.cell.arms for joint in arm.joints]
+        joints = [joint for arm in self.cell.arms for joint in arm.joints]
         kept = {
             "the clearance": constraints.collision,
-            "torque limits": constraints.static_torque or self.machinery.cell.dynamic_torque,
+            "torque limits": constraints.static_torque or self.cell.dynamic_torque,
             "acceleration limits": any(np.isfinite(joint.acceleration) for joint in joints),
         }
         return [name for name, keeps in kept.items() if keeps]
 
     def _tracked(
-        self, course: Course, journey: Journey, q: Sequence[Array], duration: float
+        self,
+        machinery: Machinery,
+        course: Course,
+        journey: Journey,
+        q: Sequence[Array],
+        duration: float,
     ) -> tuple[float | None, TrackingRecord]:
         """What least-norm tracking from the first posture comes to."""
         first = [mine[0] for mine in q]
-        found = tracked(self.machinery, journey, first, len(course), duration)
+        found = tracked(machinery, journey, first, len(course), duration)
         values: list[float | None] = [None] * len(course)
         for k, (setting, here) in enumerate(zip(course.settings, found.q, strict=False)):
-            value = float(self.machinery.objectives(setting, here[None])[0])
+            value = float(machinery.objectives(setting, here[None])[0])
             values[k] = value if np.isfinite(value) else None
         return self._aggregate(values), TrackingRecord(objective=tuple(values), reason=found.reason)
 
@@ -175,7 +185,7 @@ class Answer:
         after: float | None = None,
         **keys: object,
     ) -> Motion:
-        cell, problem, objective = self.machinery.cell, self.problem, self.machinery.objective
+        cell, problem, objective = self.cell, self.problem, self.objective
         fields: dict[str, object] = {
             "time": None, "knots": None, "duration": None, "smoothness": None, "reason": None,
             "between_knots_error": None, "least_norm": None,

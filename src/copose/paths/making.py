@@ -118,7 +118,7 @@ class Making:
             raise stop
         record = self._record(so_far.course, so_far.roadmaps, so_far.combinations, tried)
         self.answer.notes.append(best_so_far(stop))
-        return self.answer.solved(self.finisher.journey, found, record)
+        return self.answer.solved(self.machinery, self.finisher.journey, found, record)
 
     def _motion(self, ends: Ends | None, so_far: _SoFar) -> Motion:
         journey = self.finisher.journey
@@ -161,7 +161,7 @@ class Making:
         found = self._finished(outcome.tried, trial, so_far)
         if isinstance(found, Obstruction):
             return self.answer.stopped(found, record)
-        return self.answer.solved(journey, found, record)
+        return self.answer.solved(self.machinery, journey, found, record)
 
     def _reckoned(self, least: float) -> float:
         """S that the shortest motion is reckoned to last, which speeds alone allow in so many."""

@@ -15,6 +15,7 @@ from copose.paths.obstruction import Obstruction, unfound
 from copose.paths.reconfiguring import aim
 from copose.paths.shaping import Shaper
 from copose.paths.trying import Ends
+from copose.planning.aims import objective_of
 from copose.planning.cell import Cell
 from copose.planning.machinery import Machinery
 from copose.problem import PathSpec, PlanarWaypoint, Problem, Waypoint
@@ -95,7 +96,8 @@ class PathPlanner:
         answer = Answer(
             problem=self.problem,
             path=self.path,
-            machinery=self._machinery,
+            cell=self._machinery.cell,
+            objective=self._machinery.objective,
             build_s=self.build_s,
             began=time.perf_counter(),
         )
@@ -151,6 +153,21 @@ def plan(
     Raises:
         InputError: a robot cannot be used, or the path cannot be what it asks for.
     """
+    began = time.perf_counter()
     with watched(progress, time_limit):
-        stage("building")
-        return PathPlanner(problem).plan(seed=seed)
+        try:
+            stage("building")
+            planner = PathPlanner(problem)
+        except StoppedError as stop:
+            with sheltered():
+                return _unbuilt(problem, began).stopped(unfound(stop), None)
+        return planner.plan(seed=seed)
+
+
+def _unbuilt(problem: Problem, began: float) -> Answer:
+    """What answers where there was no time to build a planner."""
+    path = problem.path if problem.path is not None else _still(problem)
+    cell = Cell.of(problem)
+    asked(problem, path, cell.arms)
+    now = time.perf_counter()
+    return Answer(problem, path, cell, objective_of(cell), now - began, now)
