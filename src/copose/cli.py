@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TextIO
 
 from copose.errors import InputError, one_line, shown
-from copose.progress import Progress, Tell, Watch, stage, watched
+from copose.progress import Progress, Tell, Watch, sheltered, stage, watched
 from copose.version import __version__
 
 if TYPE_CHECKING:
@@ -451,7 +451,8 @@ def _interrupted(
     """
     written = ""
     if answer.status == "solved":
-        _write(answer, folder, beside, None)
+        with sheltered():
+            _write(answer, folder, beside, None)
         written = f": the best so far is in {folder / _RESULT}"
     _tell(f"interrupted{written}")
     return INTERRUPTED

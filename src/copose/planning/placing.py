@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from itertools import product
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -45,6 +46,8 @@ _RUNS, _WANDER, _NEARER, _NO_ROOM = 12, 3, 0.3, 1e-6
 _SAME, _UNLIKE, _LOSS = 1e-3, 0.3, 1e-9
 # How often a program is solved with what it has run into.
 _COLLISIONS = 4
+# What scipy.stats loads, and itself.
+_STATISTICS = "linalg", "sparse", "special", "spatial", "optimize", "interpolate", "stats"
 
 
 Everywhere: TypeAlias = tuple[Array, ...]
@@ -225,10 +228,10 @@ class PlacementSearch:
 
     def _drawn(self, count: int, turn: int) -> Array:
         """Evenly scattered over the ranges, (count, d)."""
-        # What takes longest to load of what that loads, for the call to end in between.
-        import scipy.optimize  # noqa: F401
-
-        heed()
+        # All at once they take longer than a call may that has to end.
+        for part in _STATISTICS:
+            heed()
+            import_module(f"scipy.{part}")
         from scipy.stats import qmc
 
         rng = np.random.default_rng([self._seed, 8, turn])
