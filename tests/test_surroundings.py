@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -155,7 +156,7 @@ def test_what_nobody_has_foreseen_is_a_line() -> None:
     ):
         broken = (
             "import sys, copose.cli, copose.__main__\n"
-            f"def main(): raise {error}\n"
+            f"def main(**_): raise {error}\n"
             "copose.cli.main = main\n"
             "sys.exit(copose.__main__.run())"
         )
@@ -191,15 +192,17 @@ def test_an_interrupt_is_a_line_and_130(delay: float, here: Path) -> None:
         time.sleep(delay)
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=10)
-    assert (process.returncode, out, err) == (130, "", "copose: interrupted\n")
-    assert not list(here.rglob("result.json"))
+    assert (process.returncode, out) == (130, "")
+    # A quick machine may have found something.
+    written = ": the best so far is in .*" if list(here.rglob("result.json")) else ""
+    assert re.fullmatch(f"copose: interrupted{written}\n", err)
 
 
 @pytest.mark.parametrize(("trap", "status"), [("trap - INT", 130), ("trap '' INT", 0)])
 def test_a_background_job_that_ignores_interrupts_goes_on(trap: str, status: int) -> None:
     struck = (
         "import signal, sys, copose.cli, copose.__main__; "
-        "copose.cli.main = lambda: signal.raise_signal(signal.SIGINT) or 0; "
+        "copose.cli.main = lambda **_: signal.raise_signal(signal.SIGINT) or 0; "
         "sys.exit(copose.__main__.run())"
     )
     assert shell(f'{trap}; {sys.executable} -c "{struck}"').returncode == status

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TextIO
 
@@ -471,21 +472,23 @@ def _shown(arguments: argparse.Namespace) -> Iterator[Tell | None]:
     """What shows progress on stderr: lines if they are asked for, else one that changes on a
     terminal, and nothing in a pipe.
     """
-    if arguments.verbose:
+    if arguments.quiet or not (arguments.verbose or sys.stderr.isatty()):
+        yield None
+        return
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if arguments.verbose or console.is_dumb_terminal:
         last = ""
 
         def told(now: Progress) -> None:
             nonlocal last
             if now.stage != last:
                 last = now.stage
-                _tell(_in_words(now, now.elapsed))
+                _tell(_in_words(replace(now, done=None, total=None), now.elapsed))
 
         yield told
         return
-    if arguments.quiet or not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
     from rich.live import Live
     from rich.text import Text
 
@@ -495,9 +498,7 @@ def _shown(arguments: argparse.Namespace) -> Iterator[Tell | None]:
         words = "" if latest is None else _in_words(latest, time.perf_counter() - arguments.began)
         return Text(words, no_wrap=True, overflow="ellipsis")
 
-    with Live(
-        get_renderable=line, console=Console(stderr=True), transient=True, refresh_per_second=8
-    ) as live:
+    with Live(get_renderable=line, console=console, transient=True, refresh_per_second=8) as live:
 
         def show(now: Progress) -> None:
             nonlocal latest

@@ -40,6 +40,8 @@ _BLOCKED = 3
 _RECOMBINED = 16
 # Of what is known when a search has to end, so many are asked whether they are an answer.
 _ASKED = 4
+# Where bodies leave none of them, so many combinations are looked at.
+_DRAWN = 64
 
 
 @dataclass(frozen=True)
@@ -167,8 +169,10 @@ def search(machinery: Machinery, setting: Setting, seed: int, effort: Effort) ->
     if over():
         with sheltered():
             known = machinery.first_apart(setting, found.optima[:_ASKED])
-    else:
-        known = machinery.first_apart(setting, found.optima)
+            if known is None:
+                known = machinery.first_apart(setting, _drawn(machinery, setting, postures, seed))
+        return replace(found, optima=() if known is None else (known,))
+    known = machinery.first_apart(setting, found.optima)
     if known is not None and known is found.optima[0]:
         return replace(found, optima=(known,))
     optima = () if known is None else (known,)
@@ -184,6 +188,19 @@ def search(machinery: Machinery, setting: Setting, seed: int, effort: Effort) ->
     if found.optima or found.failures or over():
         return found
     return replace(found, blocked=(in_each_others_way(setting, cleared.postures, seed),))
+
+
+def _drawn(
+    machinery: Machinery, setting: Setting, postures: Sequence[Array], seed: int
+) -> list[LocalOptimum]:
+    """The best of some random combinations of the arms' postures that are allowed."""
+    rng = np.random.default_rng([seed, len(postures), 3])
+    q = np.hstack([mine[rng.integers(0, len(mine), _DRAWN)] for mine in postures])
+    q = q[machinery.allowed(setting, q)]
+    values = machinery.estimates(setting, q) if len(q) else np.zeros(0)
+    best = np.argsort(-values, kind="stable")[:_ASKED]
+    values = machinery.objectives(setting, q[best]) if len(q) else values
+    return [LocalOptimum(q[k], float(v), 1) for k, v in zip(best, values, strict=True)]
 
 
 def compared(
