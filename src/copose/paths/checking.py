@@ -12,6 +12,7 @@ from copose.paths.journey import Journey
 from copose.planning.clearance import carrier_poses_of
 from copose.planning.machinery import Machinery
 from copose.poses import Array
+from copose.progress import heed
 
 # The part of the clearance that bodies keep between knots; where it is less there are more knots.
 _NEARER = 0.9
@@ -43,6 +44,7 @@ def between_bodies(
     ]
     phases = (np.arange(count - 1) + 0.5) / (count - 1)
     for k, phase in enumerate(phases):
+        heed()
         pose = journey.at(phase).pose
         planar = cell.problem.space.planar
         place: dict[str, object] = {"position": pose.position, "rpy": pose.rpy}

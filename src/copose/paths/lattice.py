@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from copose.poses import Array, Indices, Mask
+from copose.progress import heed
 
 # Levels of the least value that are tried.
 _LEVELS = 12
@@ -263,6 +264,7 @@ def _best_before(worth: Array, moves: Moves) -> tuple[Array, Indices]:
     Returns:
         (count, count') each.
     """
+    heed()
     before, costs = moves.arrivals
     steps = worth[before] - costs[:, :, None]
     best = steps.argmax(axis=0)
@@ -272,6 +274,7 @@ def _best_before(worth: Array, moves: Moves) -> tuple[Array, Indices]:
 
 def _widest_before(widest: Array, moves: Moves) -> Array:
     """The largest least value with which each posture can be come to, (count, count')."""
+    heed()
     before, costs = moves.arrivals
     steps = np.where(np.isfinite(costs)[:, :, None], widest[before], -np.inf)
     return np.asarray(steps.max(axis=0))

@@ -161,7 +161,9 @@ class Making:
         found = self._finished(outcome.tried, trial, so_far)
         if isinstance(found, Obstruction):
             return self.answer.stopped(found, record)
-        return self.answer.solved(self.machinery, journey, found, record)
+        # All is found: only the record is left to be made.
+        with sheltered():
+            return self.answer.solved(self.machinery, journey, found, record)
 
     def _reckoned(self, least: float) -> float:
         """S that the shortest motion is reckoned to last, which speeds alone allow in so many."""

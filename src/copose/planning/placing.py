@@ -219,11 +219,13 @@ class PlacementSearch:
         for k, x in enumerate(self._drawn(_INSIST * self._most, 0)):
             if k >= self._most and self._closed > self._most // 2:
                 return
+            heed()
             yield from self._kept(self._same(x))
         if self._closed > _FEW * self._most:
             return
         rng = np.random.default_rng([self._seed, 7])
         for x in self._drawn(self._most, 1):
+            heed()
             yield from self._reached(x, rng)
 
     def _drawn(self, count: int, turn: int) -> Array:
