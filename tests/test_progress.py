@@ -25,6 +25,7 @@ from copose.errors import InputError
 from copose.kernels import Kernel
 from copose.paths.finishing import Finisher
 from copose.paths.trying import Trial
+from copose.planning import search
 from copose.planning.climbing import Climbs
 from copose.planning.ipopt import Ipopt
 from copose.planning.placing import PlacementSearch
@@ -41,20 +42,20 @@ LATE = 0.4 + 1.5
 
 
 def stalled(
-    monkeypatch: pytest.MonkeyPatch, owner: type, name: str, *, after: int = 0
+    monkeypatch: pytest.MonkeyPatch, owner: object, name: str, *, after: int = 0
 ) -> list[float]:
-    """A method that does not come to its end before the call that it serves has to, from some call
-    on; when it did.
+    """A method, or a function, that does not come to its end before the call that it serves has to,
+    from some call on; when it did.
     """
     whole, calls, ended = getattr(owner, name), [], []
 
-    def slow(self: object, *arguments: object, **options: object) -> object:
+    def slow(*arguments: object, **options: object) -> object:
         calls.append(name)
         while len(calls) > after and not progress.over():
             time.sleep(0.01)
         if len(calls) > after:
             ended.append(time.perf_counter())
-        return whole(self, *arguments, **options)
+        return whole(*arguments, **options)
 
     monkeypatch.setattr(owner, name, slow)
     return ended
@@ -172,6 +173,13 @@ class TestLimits:
         assert found.status == "solved" and cut_short(found, "comparing postures")
         assert copose.verify(problem, found) == ()
         assert found.objective.after == pytest.approx(found.search.best_sample, abs=1e-9)
+
+    def test_the_start_is_an_answer_too(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        problem = parse(planar(2, 4))
+        stalled(monkeypatch, search, "screen")
+        found = copose.solve(problem, time_limit=LIMIT)
+        assert found.status == "solved" and cut_short(found, "comparing postures")
+        assert found.after == found.before and copose.verify(problem, found) == ()
 
     def test_bodies_are_heeded_all_the_same(self, monkeypatch: pytest.MonkeyPatch) -> None:
         wall = {"name": "wall", "shape": {"kind": "box", "size": [0.2, 0.4]},

@@ -59,7 +59,6 @@ class _SoFar:
 
     within: WithinReach | None = None
     found: Found = field(default_factory=lambda: Found(()))
-    after: Measurement | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +105,8 @@ class Run:
         if len(samples) < len(self.cell.arms) or not all(len(s.closed) for s in samples):
             raise stop
         before, notes = self.before(found) if within is None else self._where(within)
-        after = so_far.after
-        if after is None:
-            some = replace(found, optima=found.optima[:_ASKED])
-            after, _ = self._best(some, before, within)
+        some = replace(found, optima=found.optima[:_ASKED])
+        after, _ = self._best(some, before, within)
         if after is None and before.value is not None and self.allowed(before):
             after = before
         if after is None:
@@ -152,14 +149,12 @@ class Run:
                 return self._none(found, effort, reason, before, notes, sure=sure)
         found = so_far.found = self._tightened(found, within)
         after, value = self._best(found, before, within)
-        so_far.after = after
         verification = None
         if verify and value is not None:
             verification, better = self._verified(effort, value, within)
             if better is not None:
                 found = so_far.found = self._tightened(better, within)
                 after, value = self._best(found, before, within)
-                so_far.after = after
         reached = self._reached(found, before, after, within)
         if reached.why and any(arm.start is not None for arm in self.cell.arms):
             notes += (
