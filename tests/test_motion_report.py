@@ -320,7 +320,7 @@ def answer(tmp_path: Path, monkeypatch) -> dict:
     """The command in a folder of its own, with a planner that answers what it is told to."""
     told: dict = {"motion": made()}
 
-    def plan(problem, *, seed=None) -> Motion:
+    def plan(problem, *, seed=None, time_limit=None) -> Motion:
         told.update(problem=problem.name, seed=seed)
         return told["motion"]
 
