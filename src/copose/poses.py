@@ -79,6 +79,13 @@ class Pose:
             quaternion = -quaternion
         return cls.make(position, rotation, quaternion)
 
+    @classmethod
+    def from_quaternion(cls, position: ArrayLike, quaternion: ArrayLike) -> Pose:
+        """By a quaternion [w, x, y, z] of any norm above zero."""
+        unit = np.asarray(quaternion, dtype=float)
+        unit = unit / np.linalg.norm(unit)
+        return cls.make(position, rotation_rows(unit), unit)
+
     @property
     def rpy(self) -> Array:
         """Fixed-axis roll, pitch, yaw, (3,), to working precision at pitches of ±90° too."""

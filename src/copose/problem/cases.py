@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copose.problem.objects import Oriented
 from copose.problem.values import Direction, Name, Number, Pair, Positive, Spec, Triple
 
 
@@ -14,11 +15,10 @@ class CaseSpec(Spec):
     weight: Positive = 1.0
 
 
-class Case(CaseSpec):
+class Case(CaseSpec, Oriented):
     """A case in space; what it leaves out of a pose is ``[object]``'s."""
 
     position: Triple | None = None
-    rpy: Triple | None = None
 
 
 class PlanarCase(CaseSpec):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal, Self, TypeAlias
 
-from pydantic import Field
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
 
 from copose.poses import Pose
 from copose.problem.freedom import PlanarFreedom, SpatialFreedom
-from copose.problem.values import Inertia, Name, Number, Pair, Positive, Spec, Triple
+from copose.problem.values import Inertia, Name, Number, Pair, Positive, Quaternion, Spec, Triple
 
 
 class Box(Spec):
@@ -63,7 +64,26 @@ ObstacleShape: TypeAlias = Annotated[
 Shape: TypeAlias = Box | Sphere | Cylinder | Rectangle | Disk
 
 
-class SpatialObject(Spec):
+class Oriented(Spec):
+    """What has an orientation in space; once read, ``rpy`` says it, however it was written."""
+
+    rpy: Triple | None = None
+    quaternion: Quaternion | None = None
+
+    @model_validator(mode="after")
+    def _by_rpy(self) -> Self:
+        if self.quaternion is not None:
+            if "rpy" in self.model_fields_set:
+                raise PydanticCustomError(
+                    "copose", "rpy and quaternion exclude each other; leave out one of them"
+                )
+            there = Pose.from_quaternion((0.0, 0.0, 0.0), self.quaternion)
+            # Frozen from here on.
+            self.__dict__.update(rpy=tuple(there.rpy.tolist()), quaternion=None)
+        return self
+
+
+class SpatialObject(Oriented):
     """``[object]`` in space: pose of its centre of mass, mass, inertia about it."""
 
     mass: Positive
@@ -101,8 +121,8 @@ def _planar_pose(position: Pair, angle: float) -> Pose:
     return Pose.from_rpy((*position, 0.0), (0.0, 0.0, angle))
 
 
-class Placement(Spec):
-    """Position and fixed-axis roll, pitch, yaw of a frame in another."""
+class Placement(Oriented):
+    """Position and orientation of a frame in another."""
 
     position: Triple = (0.0, 0.0, 0.0)
     rpy: Triple = (0.0, 0.0, 0.0)

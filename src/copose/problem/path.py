@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
+from copose.problem.objects import Oriented
 from copose.problem.values import NotNegative, Number, Pair, Positive, Spec, Triple
 
 _MOST_WAYPOINTS, _MOST_KNOTS = 100, 2000
@@ -26,11 +27,10 @@ def _duration(value: Any) -> Any:
 Duration: TypeAlias = Annotated[float | Literal["shortest"], PlainValidator(_duration)]
 
 
-class Waypoint(Spec):
+class Waypoint(Oriented):
     """A pose of the object in the world; what it leaves out is the previous one's."""
 
     position: Triple | None = None
-    rpy: Triple | None = None
 
 
 class PlanarWaypoint(Spec):

@@ -95,15 +95,16 @@ def moved(problem: Problem, place: Mapping[str, Any]) -> Problem:
 
     Args:
         problem: as read.
-        place: ``position`` and ``rpy``, in the plane ``angle``, as in ``[object]``; what it leaves
-            out stays.
+        place: ``position`` and ``rpy`` or ``quaternion``, in the plane ``angle``, as in
+            ``[object]``; what it leaves out stays.
 
     Raises:
         InputError: it is no place.
     """
     if not isinstance(place, Mapping):
         raise InputError("a mapping as [object] has it is needed", key="object_pose")
-    allowed = ("position", "angle" if problem.space.planar else "rpy")
+    turn = "angle" if problem.space.planar else "rpy"
+    allowed = ("position", turn) if problem.space.planar else ("position", turn, "quaternion")
     for key in place:
         if key not in allowed:
             raise InputError(
@@ -111,14 +112,16 @@ def moved(problem: Problem, place: Mapping[str, Any]) -> Problem:
             )
     thing = problem.object
     model = PlanarPlacement if problem.space.planar else Placement
-    stays = {key: getattr(thing, key) for key in allowed}
+    stays = {key: getattr(thing, key) for key in ("position", turn)}
+    if "quaternion" in place:
+        del stays[turn]
     try:
         # The object's other keys are as they were: only its place is checked again.
         new = model.model_validate({**stays, **_as_tuples(place)})
     except ValidationError as error:
         found = explain(error, model, None)
         raise InputError(found.message, key=f"object_pose.{found.key}") from None
-    there = thing.model_copy(update={key: getattr(new, key) for key in allowed})
+    there = thing.model_copy(update={key: getattr(new, key) for key in ("position", turn)})
     return _with(problem, {"object": there})
 
 

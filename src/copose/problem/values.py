@@ -77,6 +77,15 @@ def _direction(value: tuple[float, ...]) -> tuple[float, ...]:
     return value
 
 
+def _unit(value: tuple[float, ...]) -> tuple[float, ...]:
+    norm = math.hypot(*value)
+    if abs(norm - 1) > 1e-3:
+        raise PydanticCustomError(
+            "copose", "has norm {norm}; a rotation [w, x, y, z] has 1", {"norm": f"{norm:.6g}"}
+        )
+    return tuple(x / norm for x in value)
+
+
 def _inertia_matrix(value: object) -> object:
     """Three principal moments become the diagonal matrix they stand for."""
     if not isinstance(value, tuple) or len(value) != 3:
@@ -110,6 +119,7 @@ Limit: TypeAlias = Annotated[float, AfterValidator(_limit)]
 Torque: TypeAlias = Annotated[float, BeforeValidator(_unsigned), Field(ge=_SMALLEST)]
 Range: TypeAlias = Annotated[tuple[Limit, Limit], AfterValidator(_range)]
 Direction: TypeAlias = Annotated[tuple[Number, ...], AfterValidator(_direction)]
+Quaternion: TypeAlias = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_unit)]
 Inertia: TypeAlias = Annotated[
     Matrix3, BeforeValidator(_inertia_matrix), AfterValidator(_physical_inertia)
 ]

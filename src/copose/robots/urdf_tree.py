@@ -326,12 +326,10 @@ def placement(element: ET.Element) -> Pose:
     if "quat_xyzw" not in origin.attrib:
         return Pose.from_rpy(position, numbers(origin, "rpy", 3, "0 0 0"))
     *vector, scalar = numbers(origin, "quat_xyzw", 4)
-    quaternion = np.array([scalar, *vector])
-    norm = float(np.linalg.norm(quaternion))
+    norm = math.hypot(scalar, *vector)
     if "rpy" in origin.attrib or not norm > 1e-6:
         raise ValueError("<origin> has both rpy and quat_xyzw" if norm else "quat_xyzw is zero")
-    quaternion /= norm
-    return Pose.make(position, rotation_rows(quaternion), quaternion)
+    return Pose.from_quaternion(position, [scalar, *vector])
 
 
 def _text(raw: bytes) -> str:
