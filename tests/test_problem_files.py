@@ -11,7 +11,7 @@ import pytest
 import copose
 from cells import planar, toml, two_pandas
 from copose.errors import InputError
-from copose.problem import load, parse
+from copose.reading import load, parse
 
 INF, NAN = float("inf"), float("nan")
 

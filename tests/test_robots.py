@@ -11,7 +11,7 @@ import pytest
 import copose
 from cells import PANDA, two_pandas
 from copose.errors import InputError
-from copose.problem import load, parse
+from copose.reading import load, parse
 from copose.robots import Arm, load_arms
 from reference import example
 

@@ -13,8 +13,9 @@ if TYPE_CHECKING:
     from copose.errors import CoposeError, InputError
     from copose.paths import PathPlanner, plan
     from copose.planning import Check, Planner, check, evaluate, solve, verify
-    from copose.problem import Problem, load, parse
+    from copose.problem import Problem
     from copose.progress import Progress
+    from copose.reading import load, parse
     from copose.report import compare, draw
     from copose.results import Motion, Solution, read_motion, read_solution
     from copose.version import __version__
@@ -35,8 +36,8 @@ _HOMES = {
     "compare": "report",
     "draw": "report",
     "evaluate": "planning",
-    "load": "problem",
-    "parse": "problem",
+    "load": "reading",
+    "parse": "reading",
     "plan": "paths",
     "read_motion": "results",
     "read_solution": "results",

@@ -262,7 +262,7 @@ def _check(arguments: argparse.Namespace) -> int:
     with _watched(arguments):
         from copose.paths import described
         from copose.planning import check
-        from copose.problem import load
+        from copose.reading import load
         from copose.report import chains
 
         problem = load(arguments.problem)
@@ -274,7 +274,7 @@ def _check(arguments: argparse.Namespace) -> int:
 
 def _prepare(arguments: argparse.Namespace, beside: Sequence[str]) -> tuple[Path, Problem]:
     """The problem and the folder for its answer, both known to be usable before anything runs."""
-    from copose.problem import load
+    from copose.reading import load
     from copose.report import check_format
 
     if arguments.figure is not None:

@@ -18,11 +18,13 @@ from copose.problem.objects import (
 from copose.problem.path import PathSpec, PlanarWaypoint, Waypoint
 from copose.problem.reading import (
     case_problems,
+    check_depth,
     displaced,
-    load,
+    is_planar,
     moved,
     parse,
     read_bytes,
+    read_tables,
     read_text,
 )
 from copose.problem.spaces import SPACES, Space, SpaceName
@@ -53,10 +55,12 @@ __all__ = [
     "UrdfArm",
     "Waypoint",
     "case_problems",
+    "check_depth",
     "displaced",
-    "load",
+    "is_planar",
     "moved",
     "parse",
     "read_bytes",
+    "read_tables",
     "read_text",
 ]

@@ -75,7 +75,8 @@ def _text(fault: ErrorDetails, owner: type[BaseModel] | None, faults: list[Error
             ]
             return f"has {len(value)} entries; {int(last) + 1} are needed"
         case "missing":
-            return "missing"
+            taught = "; a start without it teaches it" if fault["loc"][-1] == "grasp" else ""
+            return f"missing{taught}"
         case "extra_forbidden":
             legal = owner.model_fields if owner is not None else {}
             return f"unknown key{nearest(str(fault['loc'][-1]), legal)}"

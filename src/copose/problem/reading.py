@@ -49,45 +49,47 @@ def read_text(path: Path, most_bytes: int = _MOST_BYTES) -> str:
         raise InputError(f"is not UTF-8 text (byte {error.start})", file=path) from None
 
 
-def load(path: str | Path) -> Problem:
-    """Read a problem file.
+def read_tables(file: Path) -> dict[str, Any]:
+    """The tables of a TOML file.
 
     Raises:
-        InputError: the file cannot be read, is not TOML, or breaks a rule of the format; the
-            message names the first fault and how many more there are.
+        InputError: it cannot be read, or is not TOML.
     """
-    file = Path(path)
     text = read_text(file)
     try:
-        data = tomllib.loads(text)
+        return tomllib.loads(text)
     except RecursionError:
         raise InputError("is nested too deeply", file=file) from None
     except ValueError as error:
         raise InputError(f"is not TOML: {error}", file=file) from None
-    return parse(data, source=file)
 
 
 def parse(data: Mapping[str, Any], source: Path | None = None) -> Problem:
-    """A problem from the same tables as a dict.
+    """A problem from tables in which every grasp is written out.
 
     Args:
         data: what a TOML reader makes of a problem file.
         source: the file it came from; relative paths in it start there.
 
     Raises:
-        InputError: as for `load`.
+        InputError: it breaks a rule of the format; the message names the first fault and how many
+            more there are.
     """
-    _check_depth(data, source)
-    task = data.get("task")
-    name = task.get("space") if isinstance(task, Mapping) else None
-    space = SPACES.get(name) if isinstance(name, str) else None
-    model: type[Problem] = PlanarProblem if space is not None and space.planar else SpatialProblem
+    check_depth(data, source)
+    model = PlanarProblem if is_planar(data) else SpatialProblem
     try:
         problem = model.model_validate(_as_tuples(data))
     except ValidationError as error:
         raise explain(error, model, source, data) from None
     problem._source = source
     return problem
+
+
+def is_planar(data: Mapping[str, Any]) -> bool:
+    """Whether tables are of a problem in the plane."""
+    task = data.get("task")
+    name = task.get("space") if isinstance(task, Mapping) else None
+    return isinstance(name, str) and name in SPACES and SPACES[name].planar
 
 
 def moved(problem: Problem, place: Mapping[str, Any]) -> Problem:
@@ -172,7 +174,8 @@ def _with(problem: Problem, update: Mapping[str, object]) -> Problem:
     return other
 
 
-def _check_depth(data: Mapping[str, Any], source: Path | None) -> None:
+def check_depth(data: Mapping[str, Any], source: Path | None) -> None:
+    """Refuse tables that are nested more deeply than any problem is."""
     level: list[object] = [data]
     for _ in range(_DEEPEST):
         level = [child for node in level for child in _children(node)]

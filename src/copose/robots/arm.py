@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from copose.errors import InputError, shown
-from copose.poses import Array, Pose, frozen_array
+from copose.poses import Array, Pose, frozen_array, rotation_rows
 from copose.problem import ArmSpec
 
 # Position limits from here on stand for none.
@@ -45,6 +47,14 @@ class Body:
         return Body(mass, frozen_array(com), frozen_array(inertia))
 
 
+def motion(kind: str, axis: Array, position: float) -> Pose:
+    """How far a joint has gone at a position: along its unit axis, m, or about it, rad."""
+    if kind == "prismatic":
+        return Pose.from_rpy(axis * position)
+    quaternion = [math.cos(position / 2), *(axis * math.sin(position / 2))]
+    return Pose.make(np.zeros(3), rotation_rows(quaternion), quaternion)
+
+
 @dataclass(frozen=True, eq=False)
 class Joint:
     """A joint of one degree of freedom and the body it moves.
@@ -73,6 +83,10 @@ class Joint:
     acceleration: float = np.inf
     effort: float = np.inf
     armature: float = 0.0
+
+    def at(self, position: float) -> Pose:
+        """T_before_joint at a position, rad or m."""
+        return self.placement @ motion(self.kind, self.axis, position)
 
 
 @dataclass(frozen=True)
@@ -153,6 +167,13 @@ class Arm:
             arrays = (joint.axis, place.position, place.rotation, body.com, body.inertia)
             parts += [joint.kind, body.mass, joint.armature, *(a.tobytes() for a in arrays)]
         return repr(parts).encode()
+
+    def tip_at(self, positions: Sequence[float] | Array) -> Pose:
+        """T_world_tip at joint positions, rad or m."""
+        pose = self.base
+        for joint, position in zip(self.joints, positions, strict=True):
+            pose = pose @ joint.at(position)
+        return pose @ self.tip
 
     @property
     def lower(self) -> Array:

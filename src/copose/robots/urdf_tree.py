@@ -15,9 +15,9 @@ from xml.parsers import expat
 import numpy as np
 
 from copose.errors import InputError, nearest, shown, together
-from copose.poses import Array, Pose, frozen_array, rotation_rows
+from copose.poses import Array, Pose, frozen_array
 from copose.problem import read_bytes
-from copose.robots.arm import Body
+from copose.robots.arm import Body, motion
 
 MOVABLE = ("revolute", "continuous", "prismatic")
 _MOST_BYTES = 50_000_000
@@ -85,10 +85,7 @@ class TreeJoint:
         """T_parent_child at a position, rad or m."""
         if position == 0:
             return self.origin
-        if self.kind == "prismatic":
-            return self.origin @ Pose.from_rpy(self.axis * position)
-        quaternion = [math.cos(position / 2), *(self.axis * math.sin(position / 2))]
-        return self.origin @ Pose.make(np.zeros(3), rotation_rows(quaternion), quaternion)
+        return self.origin @ motion(self.kind, self.axis, position)
 
 
 @dataclass(frozen=True, eq=False)
