@@ -85,6 +85,7 @@ def _parser() -> argparse.ArgumentParser:
 
     solve = _command(commands, "solve", "find the best posture", _solve)
     _add_outputs(solve, (_PICTURE,), _MISS)
+    _add_aim(solve)
     _add_search(solve)
     solve.add_argument(
         "--effort", choices=("low", "normal", "high"), default="normal",
@@ -97,6 +98,7 @@ def _parser() -> argparse.ArgumentParser:
 
     evaluate = _command(commands, "evaluate", "the ellipsoids of the file's start", _evaluate)
     _add_outputs(evaluate, (_PICTURE,), _MISS)
+    _add_aim(evaluate)
     evaluate.add_argument(
         "--joints", type=Path, metavar="RESULT.json", help="measure this result's posture instead"
     )
@@ -132,6 +134,10 @@ def _command(commands: object, name: str, text: str, run: object) -> argparse.Ar
         name, help=text, description=f"{text[0].upper()}{text[1:]}."
     )
     command.add_argument("problem", type=Path, metavar="PROBLEM.toml", help="the problem file")
+    command.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE",
+        help="in place of the file's, such as arms.left.base.position.y=0.4; repeatable",
+    )  # fmt: skip
     command.set_defaults(run=run)
     return command
 
@@ -152,6 +158,14 @@ def _add_search(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--time-limit", type=_seconds, metavar="S",
         help="the best found S seconds after the command began, writing apart",
+    )  # fmt: skip
+
+
+def _add_aim(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--objective", metavar="KIND", help="in place of the file's")
+    command.add_argument(
+        "--direction", nargs="+", type=float, metavar="NUMBER",
+        help="of the objective; three in space are linear; alone: task-compatibility",
     )  # fmt: skip
 
 
@@ -262,10 +276,9 @@ def _check(arguments: argparse.Namespace) -> int:
     with _watched(arguments):
         from copose.paths import described
         from copose.planning import check
-        from copose.reading import load
         from copose.report import chains
 
-        problem = load(arguments.problem)
+        problem = _load(arguments)
         found = check(problem)
         way = described(problem, found.arms)
     _print(chains(problem.name, problem.task.space, found.arms, found.notes, way))
@@ -274,17 +287,34 @@ def _check(arguments: argparse.Namespace) -> int:
 
 def _prepare(arguments: argparse.Namespace, beside: Sequence[str]) -> tuple[Path, Problem]:
     """The problem and the folder for its answer, both known to be usable before anything runs."""
-    from copose.reading import load
     from copose.report import check_format
 
     if arguments.figure is not None:
         check_format(arguments.figure)
         _check_place(arguments.figure)
-    problem = load(arguments.problem)
+    problem = _load(arguments)
     folder = arguments.output if arguments.output is not None else Path(problem.name)
     for name in (_RESULT, *beside):
         _check_place(folder / name)
     return folder, problem
+
+
+def _load(arguments: argparse.Namespace) -> Problem:
+    from copose.problem import read_override
+    from copose.reading import load
+
+    changes: dict[str, object] = {}
+    for key, value in map(read_override, arguments.set):
+        # What is set again counts where it stands last.
+        changes.pop(key, None)
+        changes[key] = value
+    asked = vars(arguments)
+    return load(
+        arguments.problem,
+        set=changes,
+        objective=asked.get("objective"),
+        direction=asked.get("direction"),
+    )
 
 
 def _check_place(file: Path) -> None:

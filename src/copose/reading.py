@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,20 +10,39 @@ import numpy as np
 
 from copose.errors import InputError
 from copose.poses import Pose
-from copose.problem import Problem, check_depth, is_planar, read_tables
+from copose.problem import Problem, aimed, check_depth, is_planar, overridden, read_tables
 from copose.problem import parse as parse_complete
 from copose.robots import load_arms
 
 
-def load(path: str | Path) -> Problem:
+def load(
+    path: str | Path,
+    *,
+    set: Mapping[str, Any] | None = None,  # noqa: A002
+    objective: str | None = None,
+    direction: Sequence[float] | None = None,
+) -> Problem:
     """Read a problem file.
+
+    Args:
+        path: of the file.
+        set: values in place of the file's, by dotted path: ``{"arms.left.base.position.y": 0.4}``.
+            Grasps are taught before.
+        objective: its kind in place of the file's.
+        direction: of the objective, as in the file; three numbers in space are linear. Without a
+            kind that of task compatibility.
 
     Raises:
         InputError: the file cannot be read, is not TOML, or breaks a rule of the format; the
             message names the first fault and how many more there are.
     """
     file = Path(path)
-    return parse(read_tables(file), source=file)
+    data = taught(read_tables(file), file)
+    try:
+        data = aimed(overridden(data, set or {}), objective, direction)
+    except InputError as error:
+        raise InputError(error.message, key=error.key, file=file) from None
+    return parse_complete(data, file)
 
 
 def parse(data: Mapping[str, Any], source: Path | None = None) -> Problem:

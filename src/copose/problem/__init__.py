@@ -15,6 +15,7 @@ from copose.problem.objects import (
     Shape,
     SpatialObject,
 )
+from copose.problem.overrides import aimed, overridden, read_override
 from copose.problem.path import PathSpec, PlanarWaypoint, Waypoint
 from copose.problem.reading import (
     case_problems,
@@ -54,13 +55,16 @@ __all__ = [
     "TaskCompatibilityObjective",
     "UrdfArm",
     "Waypoint",
+    "aimed",
     "case_problems",
     "check_depth",
     "displaced",
     "is_planar",
     "moved",
+    "overridden",
     "parse",
     "read_bytes",
+    "read_override",
     "read_tables",
     "read_text",
 ]

@@ -172,22 +172,23 @@ def _owner(
     return owner, tuple(path)
 
 
-def _tables(annotation: Any) -> list[type[BaseModel]]:
+def tables_of(annotation: Any) -> list[type[BaseModel]]:
+    """The models of the tables that a field may hold."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [
-        table for argument in getattr(annotation, "__args__", ()) for table in _tables(argument)
+        table for argument in getattr(annotation, "__args__", ()) for table in tables_of(argument)
     ]
 
 
 def _table(annotation: Any) -> type[BaseModel] | None:
-    tables = _tables(annotation)
+    tables = tables_of(annotation)
     return tables[0] if tables else None
 
 
 def _tagged(annotation: Any, part: int | str) -> type[BaseModel] | None:
     """The member of a union by ``kind`` that pydantic names in a location."""
-    tables = _tables(annotation)
+    tables = tables_of(annotation)
     for table in tables if len(tables) > 1 else []:
         kind = table.model_fields.get("kind")
         if kind is not None and part in getattr(kind.annotation, "__args__", ()):
