@@ -122,6 +122,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_telling(compare)
     compare.set_defaults(run=_compare)
 
+    schema = commands.add_parser("schema", help="JSON Schema of problem files, for editors")
+    schema.set_defaults(run=_schema)
+
     check = _command(
         commands, "check", "read the file and the robots, and print the chains", _check
     )
@@ -282,6 +285,14 @@ def _check(arguments: argparse.Namespace) -> int:
         found = check(problem)
         way = described(problem, found.arms)
     _print(chains(problem.name, problem.task.space, found.arms, found.notes, way))
+    return SOLVED
+
+
+def _schema(arguments: argparse.Namespace) -> int:
+    from copose.problem import SCHEMA, read_text
+
+    with _printing():
+        sys.stdout.write(read_text(SCHEMA))
     return SOLVED
 
 

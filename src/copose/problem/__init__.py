@@ -29,9 +29,10 @@ from copose.problem.reading import (
     read_text,
 )
 from copose.problem.spaces import SPACES, Space, SpaceName
-from copose.problem.spec import ConstraintsSpec, PlanarProblem, Problem, SpatialProblem
+from copose.problem.spec import SCHEMA, ConstraintsSpec, PlanarProblem, Problem, SpatialProblem
 
 __all__ = [
+    "SCHEMA",
     "SPACES",
     "AccelerationObjective",
     "ArmSpec",

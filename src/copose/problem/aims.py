@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
 from copose.errors import shown
 from copose.problem.values import Direction, Number, Pair, Spec, Triple, not_zero
 
 
 class EllipsoidSpec(Spec):
-    """``[ellipsoid]``: which of the dynamic manipulability ellipsoids is meant."""
+    """``[ellipsoid]``: which of the dynamic manipulability ellipsoids is meant.
+
+    Attributes:
+        resolution: which joint torques: the paper's, or with null motion and internal force chosen
+            to spend the least torque.
+        torque_scaling: a ball of unit torques, or each torque over its limit.
+        load_distribution: which generalised inverse shares the load between the arms.
+        gravity: whether the centre of the ellipsoid includes gravity.
+    """
 
     resolution: Literal["pseudoinverse", "torque-optimal"] = "pseudoinverse"
     torque_scaling: Literal["unit", "limits"] = "unit"
@@ -20,19 +28,32 @@ class EllipsoidSpec(Spec):
 
 
 class WorldSpec(Spec):
-    """``[world]`` in space."""
+    """``[world]`` in space.
+
+    Attributes:
+        gravity: acceleration of gravity in world axes, m/s².
+    """
 
     gravity: Triple = (0.0, 0.0, -9.81)
 
 
 class PlanarWorldSpec(Spec):
-    """``[world]`` in the plane."""
+    """``[world]`` in the plane.
+
+    Attributes:
+        gravity: acceleration of gravity in world axes, m/s².
+    """
 
     gravity: Pair = (0.0, 0.0)
 
 
 class EllipsoidObjective(Spec):
-    """What objectives on the ellipsoid have in common: a coordinate slice of the task space."""
+    """What objectives on the ellipsoid have in common: a coordinate slice of the task space.
+
+    Attributes:
+        kind: what is maximised.
+        axes: coordinates of the task space that count; left out, all.
+    """
 
     axes: tuple[str, ...] | None = None
 
@@ -56,14 +77,23 @@ class IsotropyObjective(EllipsoidObjective):
 
 
 class WeightedDirection(Spec):
-    """A task direction, and how much being fast (> 0) or fine (< 0) along it counts."""
+    """A task direction, and how much being fast (> 0) or fine (< 0) along it counts.
+
+    Attributes:
+        direction: task vector, linear over angular; only its direction counts.
+        weight: how much it counts, not 0.
+    """
 
     direction: Direction
     weight: Annotated[Number, AfterValidator(not_zero)] = 1.0
 
 
 class TaskCompatibilityObjective(EllipsoidObjective):
-    """Σ w log d(u) over directions u."""
+    """Σ w log d(u) over directions u.
+
+    Attributes:
+        directions: along which the object is to be fast or fine.
+    """
 
     kind: Literal["task-compatibility"]
     directions: Annotated[tuple[WeightedDirection, ...], Field(min_length=1, max_length=64)]
@@ -82,9 +112,32 @@ class ForceVolumeObjective(EllipsoidObjective):
 
 
 class PlainDirection(Spec):
-    """A task direction."""
+    """A task direction.
+
+    Attributes:
+        direction: task vector, linear over angular; only its direction counts.
+    """
 
     direction: Direction
+
+
+_DIRECTION = {"type": "array", "items": {"type": "number"}}
+_DIRECTIONS = {
+    "type": "array",
+    "minItems": 1,
+    "maxItems": 16,
+    "items": {
+        "anyOf": [
+            _DIRECTION,
+            {
+                "type": "object",
+                "properties": {"direction": _DIRECTION},
+                "required": ["direction"],
+                "additionalProperties": False,
+            },
+        ]
+    },
+}
 
 
 def _as_directions(value: Any) -> Any:
@@ -95,7 +148,12 @@ def _as_directions(value: Any) -> Any:
 
 
 class AccelerationObjective(EllipsoidObjective):
-    """The largest acceleration along a direction, or the smallest of several such."""
+    """The largest acceleration along a direction, or the smallest of several such.
+
+    Attributes:
+        direction: task vector along which the object is to accelerate; or give directions.
+        directions: several such, of which the smallest acceleration counts.
+    """
 
     kind: Literal["acceleration"]
     direction: Direction | None = None
@@ -103,6 +161,7 @@ class AccelerationObjective(EllipsoidObjective):
         tuple[PlainDirection, ...] | None,
         BeforeValidator(_as_directions),
         Field(min_length=1, max_length=16),
+        WithJsonSchema(_DIRECTIONS),
     ] = None
 
     @property
@@ -114,7 +173,12 @@ class AccelerationObjective(EllipsoidObjective):
 
 
 class PayloadObjective(EllipsoidObjective):
-    """The largest mass that can be held still, or accelerated along a direction, m/s²."""
+    """The largest mass that can be held still, or accelerated along a direction, m/s².
+
+    Attributes:
+        acceleration: along the direction, m/s² or rad/s²; left out, the mass is held at rest.
+        direction: task vector along which the mass is to be accelerated.
+    """
 
     kind: Literal["payload"]
     acceleration: Number | None = None

@@ -29,7 +29,13 @@ FilePath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4000)]
 
 
 class Tool(Spec):
-    """A body fixed to the tip: mass, centre of mass and inertia about it, in tip axes."""
+    """A body fixed to the tip: mass, centre of mass and inertia about it, in tip axes.
+
+    Attributes:
+        mass: its mass, kg.
+        com: centre of mass in tip axes, m.
+        inertia: about the centre of mass, kg·m²: 3 diagonal entries or 3×3.
+    """
 
     mass: Positive
     com: Triple
@@ -37,7 +43,13 @@ class Tool(Spec):
 
 
 class PlanarTool(Spec):
-    """A body fixed to the tip, in the plane."""
+    """A body fixed to the tip, in the plane.
+
+    Attributes:
+        mass: its mass, kg.
+        com: centre of mass in tip axes, m.
+        inertia: about the centre of mass, kg·m².
+    """
 
     mass: Positive
     com: Pair
@@ -45,7 +57,15 @@ class PlanarTool(Spec):
 
 
 class Link(Spec):
-    """A link of a planar arm; ``com`` along it from its joint, inertia about its own com."""
+    """A link of a planar arm; ``com`` along it from its joint, inertia about its own com.
+
+    Attributes:
+        length: from joint to joint, m.
+        mass: its mass, kg.
+        inertia: about its own centre of mass, kg·m².
+        com: centre of mass along it from its joint, m.
+        radius: its half width, m.
+    """
 
     length: Positive
     mass: Positive
@@ -55,7 +75,12 @@ class Link(Spec):
 
 
 class Grip(Spec):
-    """The largest norms of the contact's force, N, and moment, N·m."""
+    """The largest norms of the contact's force, N, and moment, N·m.
+
+    Attributes:
+        force: largest norm of the contact force, N; left out, any.
+        moment: largest norm of the contact moment, N·m; left out, any.
+    """
 
     force: Positive | None = None
     moment: Positive | None = None
@@ -74,7 +99,21 @@ def _without(data: Any, key: str, text: str) -> Any:
 
 
 class ArmSpec(Spec):
-    """What arms of both kinds have in common; arrays go by free joints, root to tip."""
+    """What arms of both kinds have in common; arrays go by free joints, root to tip.
+
+    Attributes:
+        name: a name of its own.
+        start: joint positions before, rad or m; left out, the seed gives them.
+        torque_limits: the largest, N·m or N, inf for none; left out, the robot file's.
+        position_limits: [lower, upper] a joint, rad or m, ±inf for none; left out, the robot
+            file's.
+        velocity_limits: the largest, rad/s or m/s; left out, the robot file's.
+        acceleration_limits: the largest, rad/s² or m/s²; left out, none.
+        armature: reflected inertia of the rotors, kg·m² or kg; left out, gears are ignored.
+        grip: what the contact bears.
+        fixed: whether the arm is held at its start.
+        freedom: how far base and grasp may be moved.
+    """
 
     name: Name
     start: tuple[Number, ...] | None = None
@@ -102,6 +141,16 @@ class UrdfArm(ArmSpec):
     ``packages`` says in which folders, relative to the problem file, the packages lie that
     ``package://…`` names, in ``urdf`` and in that file; what it does not name is looked for on
     ROS_PACKAGE_PATH and AMENT_PREFIX_PATH.
+
+    Attributes:
+        urdf: file relative to this one, package://…, or example-robot-data://….
+        packages: folders of packages by name, relative to this file.
+        root: link that the base places; left out, the URDF's root link.
+        tip: link that grasps.
+        locked: positions of movable joints that are held still, rad or m.
+        base: root link in the world.
+        grasp: tip frame in the object's; left out beside a start, where the tip is then.
+        tool: a body fixed to the tip; left out, none.
     """
 
     urdf: FilePath
@@ -125,7 +174,14 @@ class UrdfArm(ArmSpec):
 
 
 class PlanarArm(ArmSpec):
-    """``[[arms]]`` with links: a planar chain of revolute joints."""
+    """``[[arms]]`` with links: a planar chain of revolute joints.
+
+    Attributes:
+        links: from the base to the tip.
+        base: first joint in the world.
+        grasp: tip frame in the object's; left out beside a start, where the tip is then.
+        tool: a body fixed to the tip; left out, none.
+    """
 
     links: Annotated[tuple[Link, ...], Field(min_length=1, max_length=_MOST_LINKS)]
     base: PlanarPlacement = PlanarPlacement()

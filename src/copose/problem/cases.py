@@ -7,7 +7,14 @@ from copose.problem.values import Direction, Name, Number, Pair, Positive, Spec,
 
 
 class CaseSpec(Spec):
-    """``[[cases]]``: what differs from ``[object]`` and ``[objective]``, and how much it counts."""
+    """``[[cases]]``: what differs from ``[object]`` and ``[objective]``, and how much it counts.
+
+    Attributes:
+        name: a name of its own.
+        direction: task vector in place of the objective's; left out, that.
+        mass: of the object, kg, with inertia in proportion; left out, the object's.
+        weight: how much its objective counts.
+    """
 
     name: Name
     direction: Direction | None = None
@@ -16,13 +23,22 @@ class CaseSpec(Spec):
 
 
 class Case(CaseSpec, Oriented):
-    """A case in space; what it leaves out of a pose is ``[object]``'s."""
+    """A case in space; what it leaves out of a pose is ``[object]``'s.
+
+    Attributes:
+        position: of the object in the world, m; left out, the object's.
+    """
 
     position: Triple | None = None
 
 
 class PlanarCase(CaseSpec):
-    """A case in the plane."""
+    """A case in the plane.
+
+    Attributes:
+        position: of the object in the world, m; left out, the object's.
+        angle: of the object in the world, rad; left out, the object's.
+    """
 
     position: Pair | None = None
     angle: Number | None = None

@@ -8,7 +8,18 @@ from copose.problem.values import Interval, Spec
 
 
 class Freedom(Spec):
-    """How far something may be moved: coordinates that are not named stay."""
+    """How far something may be moved: coordinates that are not named stay.
+
+    Attributes:
+        x: lowest and highest offset along x, m; left out, it stays.
+        y: lowest and highest offset along y, m; left out, it stays.
+        z: lowest and highest offset along z, m; left out, it stays.
+        roll: lowest and highest offset to roll, rad; left out, it stays.
+        pitch: lowest and highest offset to pitch, rad; left out, it stays.
+        yaw: lowest and highest offset to yaw, rad; left out, it stays.
+        angle: lowest and highest offset to angle, rad; left out, it stays.
+        twist: lowest and highest turn about the tip's z axis, rad; left out, none.
+    """
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
@@ -71,14 +82,24 @@ class PlanarGraspFreedom(Freedom):
 
 
 class ArmFreedom(Spec):
-    """``[arms.freedom]``."""
+    """``[arms.freedom]``.
+
+    Attributes:
+        base: of the base, world axes.
+        grasp: of the grasp, object axes.
+    """
 
     base: BaseFreedom = BaseFreedom()
     grasp: GraspFreedom = GraspFreedom()
 
 
 class PlanarArmFreedom(Spec):
-    """``[arms.freedom]`` in the plane."""
+    """``[arms.freedom]`` in the plane.
+
+    Attributes:
+        base: of the base, world axes.
+        grasp: of the grasp, object axes.
+    """
 
     base: PlanarBaseFreedom = PlanarBaseFreedom()
     grasp: PlanarGraspFreedom = PlanarGraspFreedom()

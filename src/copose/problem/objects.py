@@ -13,21 +13,37 @@ from copose.problem.values import Inertia, Name, Number, Pair, Positive, Quatern
 
 
 class Box(Spec):
-    """A box by its edge lengths, m."""
+    """A box by its edge lengths, m.
+
+    Attributes:
+        kind: which shape.
+        size: edge lengths, m.
+    """
 
     kind: Literal["box"]
     size: tuple[Positive, Positive, Positive]
 
 
 class Sphere(Spec):
-    """A sphere."""
+    """A sphere.
+
+    Attributes:
+        kind: which shape.
+        radius: its radius, m.
+    """
 
     kind: Literal["sphere"]
     radius: Positive
 
 
 class Cylinder(Spec):
-    """A cylinder along z."""
+    """A cylinder along z.
+
+    Attributes:
+        kind: which shape.
+        radius: its radius, m.
+        length: along z, m.
+    """
 
     kind: Literal["cylinder"]
     radius: Positive
@@ -35,7 +51,13 @@ class Cylinder(Spec):
 
 
 class CapsuleShape(Spec):
-    """All points within the radius of a segment along z, whose ends are ``length`` apart."""
+    """All points within the radius of a segment along z, whose ends are ``length`` apart.
+
+    Attributes:
+        kind: which shape.
+        radius: its radius, m.
+        length: between the centres of its caps along z, m.
+    """
 
     kind: Literal["capsule"]
     radius: Positive
@@ -43,14 +65,24 @@ class CapsuleShape(Spec):
 
 
 class Rectangle(Spec):
-    """A planar box by its width and height, m."""
+    """A planar box by its width and height, m.
+
+    Attributes:
+        kind: which shape.
+        size: width and height, m.
+    """
 
     kind: Literal["box"]
     size: tuple[Positive, Positive]
 
 
 class Disk(Spec):
-    """A disk."""
+    """A disk.
+
+    Attributes:
+        kind: which shape.
+        radius: its radius, m.
+    """
 
     kind: Literal["disk"]
     radius: Positive
@@ -65,7 +97,13 @@ Shape: TypeAlias = Box | Sphere | Cylinder | Rectangle | Disk
 
 
 class Oriented(Spec):
-    """What has an orientation in space; once read, ``rpy`` says it, however it was written."""
+    """What has an orientation in space; once read, ``rpy`` says it, however it was written.
+
+    Attributes:
+        rpy: fixed-axis roll, pitch, yaw as in URDF, rad; of a case or waypoint left out, what it
+            was.
+        quaternion: [w, x, y, z] in place of rpy, normalised.
+    """
 
     rpy: Triple | None = None
     quaternion: Quaternion | None = None
@@ -84,7 +122,18 @@ class Oriented(Spec):
 
 
 class SpatialObject(Oriented):
-    """``[object]`` in space: pose of its centre of mass, mass, inertia about it."""
+    """``[object]`` in space: pose of its centre of mass, mass, inertia about it.
+
+    Attributes:
+        mass: its mass, kg.
+        inertia: about the centre of mass in object axes, kg·m²: 3 diagonal entries or 3×3; may be
+            left out in spatial-linear.
+        position: of the centre of mass in the world, m; left out where every grasp is taught,
+            midway between the tips.
+        shape: drawn, and tested for collision; left out, none.
+        velocity: task vector, m/s and rad/s; left out, at rest.
+        freedom: how far the object may be moved.
+    """
 
     mass: Positive
     inertia: Inertia | None = None
@@ -101,7 +150,18 @@ class SpatialObject(Oriented):
 
 
 class PlanarObject(Spec):
-    """``[object]`` in the plane."""
+    """``[object]`` in the plane.
+
+    Attributes:
+        mass: its mass, kg.
+        inertia: about the centre of mass, kg·m²; may be left out in planar-linear.
+        position: of the centre of mass in the world, m; left out where every grasp is taught,
+            midway between the tips.
+        angle: its angle, rad.
+        shape: drawn, and tested for collision; left out, none.
+        velocity: task vector, m/s and rad/s; left out, at rest.
+        freedom: how far the object may be moved.
+    """
 
     mass: Positive
     inertia: Positive | None = None
@@ -122,7 +182,11 @@ def _planar_pose(position: Pair, angle: float) -> Pose:
 
 
 class Placement(Oriented):
-    """Position and orientation of a frame in another."""
+    """Position and orientation of a frame in another.
+
+    Attributes:
+        position: of the origin, m.
+    """
 
     position: Triple = (0.0, 0.0, 0.0)
     rpy: Triple = (0.0, 0.0, 0.0)
@@ -134,7 +198,12 @@ class Placement(Oriented):
 
 
 class PlanarPlacement(Spec):
-    """Position and angle of a frame in another, in the plane."""
+    """Position and angle of a frame in another, in the plane.
+
+    Attributes:
+        position: of the origin, m.
+        angle: its angle, rad.
+    """
 
     position: Pair = (0.0, 0.0)
     angle: Number = 0.0
@@ -158,7 +227,12 @@ class PlanarGrasp(PlanarPlacement):
 
 
 class Obstacle(Placement):
-    """``[[obstacles]]``: a body that nothing may touch."""
+    """``[[obstacles]]``: a body that nothing may touch.
+
+    Attributes:
+        name: a name of its own.
+        shape: centred at its position.
+    """
 
     name: Name
     shape: ObstacleShape
@@ -166,7 +240,12 @@ class Obstacle(Placement):
 
 
 class PlanarObstacle(PlanarPlacement):
-    """``[[obstacles]]`` in the plane."""
+    """``[[obstacles]]`` in the plane.
+
+    Attributes:
+        name: a name of its own.
+        shape: centred at its position.
+    """
 
     name: Name
     shape: PlanarShape

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import Field, PlainValidator
+from pydantic import Field, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from copose.problem.objects import Oriented
@@ -24,17 +24,34 @@ def _duration(value: Any) -> Any:
     raise PydanticCustomError("copose", "must be a number of seconds, or 'shortest'")
 
 
-Duration: TypeAlias = Annotated[float | Literal["shortest"], PlainValidator(_duration)]
+_DURATION = WithJsonSchema(
+    {
+        "anyOf": [
+            {"type": "number", "minimum": _SHORTEST, "maximum": _LONGEST},
+            {"const": "shortest", "type": "string"},
+        ]
+    }
+)
+Duration: TypeAlias = Annotated[float | Literal["shortest"], PlainValidator(_duration), _DURATION]
 
 
 class Waypoint(Oriented):
-    """A pose of the object in the world; what it leaves out is the previous one's."""
+    """A pose of the object in the world; what it leaves out is the previous one's.
+
+    Attributes:
+        position: of the object in the world, m; left out, the previous one's.
+    """
 
     position: Triple | None = None
 
 
 class PlanarWaypoint(Spec):
-    """A pose of the object in the plane; what it leaves out is the previous one's."""
+    """A pose of the object in the plane; what it leaves out is the previous one's.
+
+    Attributes:
+        position: of the object in the world, m; left out, the previous one's.
+        angle: of the object in the world, rad; left out, the previous one's.
+    """
 
     position: Pair | None = None
     angle: Number | None = None
@@ -45,10 +62,10 @@ class PathSpec(Spec):
 
     Attributes:
         waypoints: poses in place of the object's; what the first leaves out is the object's.
-        duration: s, or the shortest within the limits.
+        duration: how long it takes, s, or the shortest within the limits.
         knots: uniform in time, both ends included.
         aggregate: of the objective over the knots.
-        smoothness: s²/rad² per unit of the objective, how much joint speeds count.
+        smoothness: how much joint speeds count, s²/rad² per unit of the objective.
         closed: whether it ends in the posture it began with.
         tolerance: what the chain may be open between knots, m or rad.
     """

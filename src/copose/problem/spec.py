@@ -34,6 +34,8 @@ from copose.problem.path import PathSpec, PlanarPath, SpatialPath
 from copose.problem.spaces import SPACES, Space, SpaceName
 from copose.problem.values import FolderName, NotNegative, Positive, Spec, Text, fault, whole
 
+# JSON Schema of problem files; it is made from what follows.
+SCHEMA = Path(__file__).with_name("schema.json")
 _MOST_ARMS, _MOST_OBSTACLES, _MOST_CASES = 32, 200, 16
 
 
@@ -41,7 +43,12 @@ Named: TypeAlias = ArmSpec | Obstacle | PlanarObstacle | CaseSpec
 
 
 class Task(Spec):
-    """``[task]``."""
+    """``[task]``.
+
+    Attributes:
+        space: which components of motion and force count: rigid grasps, or in the linear spaces
+            contacts that transmit forces alone.
+    """
 
     space: SpaceName
 
@@ -50,13 +57,13 @@ class ConstraintsSpec(Spec):
     """``[constraints]``: what a posture must keep.
 
     Attributes:
-        joint_margin: rad or m kept from every position limit.
+        joint_margin: kept from every position limit, rad or m.
         static_torque: whether holding the object respects torque limits.
         dynamic_torque: whether moving it along a path does; left out, only where the shortest
             duration is sought.
-        internal_force: N, at most.
+        internal_force: the largest that is allowed, N; left out, any.
         collision: whether nothing touches.
-        clearance: m, kept then.
+        clearance: distance kept then, m.
     """
 
     joint_margin: NotNegative = 0.0
@@ -68,14 +75,36 @@ class ConstraintsSpec(Spec):
 
 
 class SearchSpec(Spec):
-    """``[search]``: how postures are searched."""
+    """``[search]``: how postures are searched.
+
+    Attributes:
+        seed: of everything random.
+        reachable: whether only postures count that the start can come to without letting go.
+    """
 
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
     reachable: bool = False
 
 
 class Problem(Spec):
-    """A problem file; `copose.load` reads one, `copose.parse` takes the same as a dict."""
+    """A problem file; `copose.load` reads one, `copose.parse` takes the same as a dict.
+
+    Attributes:
+        format: of the file, 1.
+        name: of the problem, and of the folder for its results.
+        description: for the reader.
+        task: the task space.
+        object: what is held.
+        arms: those that hold it.
+        ellipsoid: which dynamic manipulability ellipsoid is meant.
+        objective: what is maximised.
+        world: what is around.
+        constraints: what a posture must keep.
+        obstacles: bodies that nothing may touch.
+        cases: several tasks that one placement serves; left out, the one.
+        path: the object's way; left out, it stays.
+        search: how postures are searched.
+    """
 
     format: Annotated[Literal[1], BeforeValidator(whole)]
     name: FolderName

@@ -6,11 +6,20 @@ import math
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    WithJsonSchema,
+)
 from pydantic_core import PydanticCustomError
 
 _LARGEST = 1e6
 _SMALLEST = 1e-12
+_NUMBER = {"type": "number"}
+_NUMBERS = {"type": "array", "minItems": 3, "maxItems": 3, "items": _NUMBER}
 
 Number: TypeAlias = Annotated[float, Field(allow_inf_nan=False, ge=-_LARGEST, le=_LARGEST)]
 Positive: TypeAlias = Annotated[float, Field(allow_inf_nan=False, ge=_SMALLEST, le=_LARGEST)]
@@ -116,12 +125,19 @@ Interval: TypeAlias = Annotated[tuple[Number, Number], AfterValidator(_range)]
 Name: TypeAlias = Annotated[str, AfterValidator(_name)]
 FolderName: TypeAlias = Annotated[str, AfterValidator(_folder_name)]
 Limit: TypeAlias = Annotated[float, AfterValidator(_limit)]
-Torque: TypeAlias = Annotated[float, BeforeValidator(_unsigned), Field(ge=_SMALLEST)]
+Torque: TypeAlias = Annotated[
+    float, BeforeValidator(_unsigned), Field(ge=_SMALLEST), WithJsonSchema(_NUMBER)
+]
 Range: TypeAlias = Annotated[tuple[Limit, Limit], AfterValidator(_range)]
 Direction: TypeAlias = Annotated[tuple[Number, ...], AfterValidator(_direction)]
 Quaternion: TypeAlias = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_unit)]
 Inertia: TypeAlias = Annotated[
-    Matrix3, BeforeValidator(_inertia_matrix), AfterValidator(_physical_inertia)
+    Matrix3,
+    BeforeValidator(_inertia_matrix),
+    AfterValidator(_physical_inertia),
+    WithJsonSchema(
+        {"type": "array", "minItems": 3, "maxItems": 3, "items": {"anyOf": [_NUMBER, _NUMBERS]}}
+    ),
 ]
 
 
