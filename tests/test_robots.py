@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -211,7 +212,9 @@ def test_a_broken_robot_of_the_examples() -> None:
         load_arms(parse(cell))
 
 
-def test_xacro_by_its_ending(tmp_path: Path) -> None:
+def test_xacro_by_its_ending(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "xacro", None)
+    (tmp_path / "arm.urdf.xacro").write_text("<robot/>")
     with pytest.raises(InputError, match=r"run: xacro arm.urdf.xacro > arm_expanded.urdf"):
         load_arms(parse(problem_of("arm.urdf.xacro"), source=tmp_path / "p.toml"))
 

@@ -79,7 +79,7 @@ class _Team:
 
     def takes(self, tree: Tree, member: _Member) -> bool:
         """Whether an arm is one of this robot."""
-        return self.tree.file == tree.file and bool(
+        return self.tree.source == tree.source and bool(
             np.allclose(_rows(self.members[0].origin), _rows(member.origin), rtol=0, atol=1e-9)
         )
 

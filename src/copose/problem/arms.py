@@ -25,6 +25,7 @@ from copose.problem.values import (
 
 _MOST_LINKS = 32
 
+XacroArgument: TypeAlias = Text | bool | int | float
 FilePath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4000)]
 
 
@@ -143,7 +144,9 @@ class UrdfArm(ArmSpec):
     ROS_PACKAGE_PATH and AMENT_PREFIX_PATH.
 
     Attributes:
-        urdf: file relative to this one, package://…, or example-robot-data://….
+        urdf: a URDF or .xacro: relative to this file, package://…, example-robot-data://… or
+            robot_descriptions://NAME.
+        xacro_args: arguments of a .xacro.
         packages: folders of packages by name, relative to this file.
         root: link that the base places; left out, the URDF's root link.
         tip: link that grasps.
@@ -154,6 +157,7 @@ class UrdfArm(ArmSpec):
     """
 
     urdf: FilePath
+    xacro_args: dict[str, XacroArgument] = Field(default_factory=dict)
     packages: dict[str, FilePath] = Field(default_factory=dict)
     root: Text | None = None
     tip: Text

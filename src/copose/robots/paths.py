@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib
+import io
 import os
+import pkgutil
 import sys
 from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 
-from copose.errors import InputError, nearest, together
+from copose.errors import InputError, nearest, shown, together
 
 EXAMPLES = "example-robot-data://"
 PACKAGE = "package://"
+DESCRIPTIONS = "robot_descriptions://"
 # Characters of the folders that a message names.
 _LISTED = 100
 
@@ -26,7 +31,8 @@ def resolve(
     """The file that a URDF entry names.
 
     Args:
-        urdf: ``example-robot-data://…``, ``package://…``, or a path relative to ``folder``.
+        urdf: ``example-robot-data://…``, ``robot_descriptions://NAME``, ``package://…``, or a path
+            relative to ``folder``.
         folder: the problem file's.
         packages: folders of packages by name, looked into first.
         near: folders that may be the package, or hold it beside others, looked into next.
@@ -38,8 +44,11 @@ def resolve(
         return _example(urdf.removeprefix(EXAMPLES))
     if urdf.startswith(PACKAGE):
         return _package(urdf.removeprefix(PACKAGE), packages, near)
+    if urdf.startswith(DESCRIPTIONS):
+        return _description(urdf.removeprefix(DESCRIPTIONS))
     if "://" in urdf:
-        raise InputError(f"{urdf!r}: a file, {PACKAGE}… or {EXAMPLES}… is expected")
+        kinds = f"{PACKAGE}…, {EXAMPLES}… or {DESCRIPTIONS}NAME"
+        raise InputError(f"{urdf!r}: a file, {kinds} is expected")
     return folder / Path(urdf).expanduser()
 
 
@@ -63,6 +72,29 @@ def _example(name: str) -> Path:
     )
 
 
+def _description(name: str) -> Path:
+    """The robot file of a module of the package robot_descriptions, which may fetch it."""
+    try:
+        import robot_descriptions
+    except ImportError:
+        raise InputError(
+            "the package robot_descriptions is not installed; pip install robot_descriptions"
+        ) from None
+    names = [module.name for module in pkgutil.iter_modules(robot_descriptions.__path__)]
+    if name not in names:
+        raise InputError(f"robot_descriptions has no {shown(name)}{nearest(name, names)}")
+    try:
+        with contextlib.redirect_stderr(io.StringIO()):
+            module = importlib.import_module(f"robot_descriptions.{name}")
+    except Exception as error:
+        # Whatever fetching it by git meets.
+        raise InputError(f"robot_descriptions cannot fetch {name}: {error}") from None
+    path = getattr(module, "URDF_PATH", None) or getattr(module, "XACRO_PATH", None)
+    if path is None:
+        raise InputError(f"robot_descriptions has no URDF of {name}")
+    return Path(path)
+
+
 def _example_roots() -> list[Path]:
     inside = Path("share/example-robot-data/robots")
     roots = [Path(sys.prefix) / inside]
@@ -79,7 +111,7 @@ def _package(name: str, packages: Mapping[str, Path], near: Sequence[Path]) -> P
     folders = [packages[package]] if package in packages else []
     folders += [folder for folder in near if folder.name == package]
     folders += [folder / package for folder in near]
-    folders += _package_folders(package)
+    folders += package_folders(package)
     for folder in folders:
         if (folder / rest).is_file():
             return folder / rest
@@ -97,7 +129,8 @@ def _listed(folders: Sequence[Path]) -> str:
     return together(map(str, folders), ", ", _LISTED)
 
 
-def _package_folders(package: str) -> list[Path]:
+def package_folders(package: str) -> list[Path]:
+    """Where ROS_PACKAGE_PATH and AMENT_PREFIX_PATH say that a package may lie."""
     folders = []
     for entry in _search_path("ROS_PACKAGE_PATH"):
         if entry.name == package:

@@ -25,6 +25,7 @@ from copose.robots.arm import (
     freed,
     start_within_limits,
 )
+from copose.robots.expanding import XACRO
 from copose.robots.paths import resolve
 from copose.robots.plausibility import inertia_oddities, limit_oddities, negative_inertias
 from copose.robots.urdf_tree import MOVABLE, Standing, Tree, TreeJoint, read_tree
@@ -42,7 +43,7 @@ class Robot:
     packages: Mapping[str, Path]
 
 
-RobotsRead: TypeAlias = dict[tuple[Path, tuple[tuple[str, Path], ...]], Robot]
+RobotsRead: TypeAlias = dict[object, Robot]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,19 +51,19 @@ class RobotOnBase:
     """Which robot an arm is part of, to tell whether two arms move independently.
 
     Attributes:
-        file: the URDF.
+        source: the URDF, with the arguments of xacro.
         origin: T_world_universe of the whole robot.
         hangs_on: the movable joints above the tip, from the URDF's root: where a locked one is
             held, None where the arm moves it.
     """
 
-    file: Path
+    source: object
     origin: Pose
     hangs_on: Mapping[str, float | None]
 
     def same(self, other: RobotOnBase) -> bool:
         """Whether the two arms are parts of one robot: one URDF at one base."""
-        return self.file == other.file and np.allclose(
+        return self.source == other.source and np.allclose(
             np.column_stack([self.origin.rotation, self.origin.position]),
             np.column_stack([other.origin.rotation, other.origin.position]),
             rtol=0,
@@ -117,9 +118,12 @@ def read_robot(spec: UrdfArm, folder: Path, key: str, read: RobotsRead) -> Robot
     }
     try:
         file = resolve(spec.urdf, folder, packages).resolve()
-        kind = file, tuple(sorted(packages.items()))
+        arguments = {name: _xacro_text(value) for name, value in spec.xacro_args.items()}
+        if arguments and file.suffix != XACRO:
+            raise InputError(f"xacro_args have no effect: {file.name} is no {XACRO}")
+        kind = file, tuple(sorted(packages.items())), tuple(sorted(arguments.items()))
         if kind not in read:
-            read[kind] = Robot(read_tree(file), packages)
+            read[kind] = Robot(read_tree(file, packages, arguments), packages)
         return read[kind]
     except InputError as error:
         text = f"{error.file}: {error.message}" if error.file else error.message
@@ -219,14 +223,18 @@ def urdf_arm(spec: UrdfArm, robot: Robot, key: str, *, weighed: bool) -> tuple[A
         free=freed(spec),
         fixed=spec.fixed,
         weightless=tuple(weightless),
-        notes=(*doubts.told(spec.name), *([passed_over] if tree.foreign else [])),
+        notes=(
+            *doubts.told(spec.name),
+            *([f"{tree.file.name} was run by xacro"] if tree.file.suffix == XACRO else []),
+            *([passed_over] if tree.foreign else []),
+        ),
         oddities=(
             *inertia_oddities(tree, [joint.child for joint in carried]),
             *limit_oddities(joints),
         ),
     )
     whole = RobotOnBase(
-        file=tree.file,
+        source=tree.source,
         origin=base @ T_universe_root.inverse(),
         hangs_on={
             joint.name: None if joint.name in names else standing.at[joint.name]
@@ -242,6 +250,10 @@ def _package_folder(place: str, folder: Path, key: str) -> Path:
         return (folder / Path(place).expanduser()).resolve()
     except (OSError, ValueError, RuntimeError) as error:
         raise InputError(f"{shown(place)} is no usable path: {error}", key=key) from None
+
+
+def _xacro_text(value: str | bool | int | float) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _is_held(joint: TreeJoint, spec: UrdfArm) -> bool:

@@ -18,6 +18,7 @@ from copose.errors import InputError, nearest, shown, together
 from copose.poses import Array, Pose, frozen_array
 from copose.problem import read_bytes
 from copose.robots.arm import Body, motion
+from copose.robots.expanding import XACRO, expanded
 
 MOVABLE = ("revolute", "continuous", "prismatic")
 _MOST_BYTES = 50_000_000
@@ -128,6 +129,7 @@ class Tree:
         joints: by the name of their child link, in file order.
         root: the link that no joint moves.
         order: the joints, each behind the one that it hangs on.
+        arguments: of the .xacro that the file is.
         foreign: what xacro left in the file, such as ``xacro:property``.
     """
 
@@ -137,6 +139,12 @@ class Tree:
     root: str
     order: tuple[TreeJoint, ...]
     foreign: tuple[str, ...]
+    arguments: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def source(self) -> object:
+        """Equal for trees of one file, by one set of arguments."""
+        return self.file, self.arguments
 
     @cached_property
     def movable(self) -> dict[str, TreeJoint]:
@@ -241,15 +249,21 @@ class Tree:
         return InputError(f"{text}; {_xacro(self.file)}" if self.foreign else text, key=key)
 
 
-def read_tree(file: Path) -> Tree:
+def read_tree(file: Path, packages: Mapping[str, Path], arguments: Mapping[str, str]) -> Tree:
     """Read a URDF's tree.
 
+    Args:
+        file: a URDF, or a .xacro, which is run.
+        packages: folders of packages by name, for xacro.
+        arguments: of a .xacro.
+
     Raises:
-        InputError: no such file, xacro, broken XML, or no tree of links.
+        InputError: no such file, broken XML or xacro, or no tree of links.
     """
-    if file.suffix == ".xacro":
-        raise InputError(_xacro(file))
-    robot = _parsed(_text(read_bytes(file, _MOST_BYTES)), file)
+    text = _text(read_bytes(file, _MOST_BYTES))
+    if file.suffix == XACRO:
+        text = expanded(file, arguments, packages)
+    robot = _parsed(text, file)
     if robot.tag != "robot":
         raise InputError(f"{file.name} is not a URDF: its root is <{robot.tag}>, not <robot>")
     foreign = _of_xacro(robot)
@@ -285,6 +299,7 @@ def read_tree(file: Path) -> Tree:
         root=roots[0],
         order=tuple(order),
         foreign=foreign,
+        arguments=tuple(sorted(arguments.items())),
     )
 
 

@@ -1,0 +1,93 @@
+"""xacro as it is: the URDF that a .xacro stands for, without ROS."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import threading
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from copose.errors import InputError
+from copose.robots.paths import package_folders
+
+XACRO = ".xacro"
+# xacro keeps its state in its module.
+_ONE_AT_A_TIME = threading.Lock()
+
+
+def expanded(file: Path, arguments: Mapping[str, str], packages: Mapping[str, Path]) -> str:
+    """What xacro makes of a file.
+
+    Args:
+        file: a .xacro.
+        arguments: by name.
+        packages: folders of packages by name, where ``$(find …)`` looks first; then on
+            ROS_PACKAGE_PATH and AMENT_PREFIX_PATH, and for a package.xml above the file.
+
+    Raises:
+        InputError: xacro is not installed, or refuses the file.
+    """
+    try:
+        import xacro
+    except ImportError:
+        raise InputError(
+            f"{file.name} is xacro, which is not installed; pip install 'copose[xacro]', or run: "
+            f"xacro {file.name} > {file.name.split('.')[0]}_expanded.urdf, and name that"
+        ) from None
+    told = io.StringIO()
+    with _ONE_AT_A_TIME, _finding(file, packages), contextlib.redirect_stderr(told):
+        try:
+            document = xacro.process_file(str(file), mappings=dict(arguments))
+            return str(document.toxml())
+        except InputError:
+            raise
+        except Exception as error:
+            # Whatever the expressions in it raise.
+            cause = getattr(error, "exc", None)
+            if isinstance(cause, InputError):
+                raise cause from None
+            raise InputError(f"{file.name}: xacro says: {str(error) or repr(error)}") from None
+
+
+@contextlib.contextmanager
+def _finding(file: Path, packages: Mapping[str, Path]) -> Iterator[None]:
+    """Xacro with a ``find`` that needs no ROS."""
+    from xacro import substitution_args
+
+    def find(package: str) -> str:
+        return str(_package(package, file, packages))
+
+    known: dict[str, Any] = substitution_args._eval_dict
+    its_own = substitution_args._eval_find
+    substitution_args._eval_find = known["find"] = find
+    try:
+        yield
+    finally:
+        substitution_args._eval_find = known["find"] = its_own
+
+
+def _package(name: str, file: Path, packages: Mapping[str, Path]) -> Path:
+    if name in packages:
+        return packages[name]
+    for folder in package_folders(name):
+        if folder.is_dir():
+            return folder
+    for above in file.parents:
+        for folder in (above, above / name):
+            if _called(folder) == name:
+                return folder
+    raise InputError(
+        f"{file.name} needs package {name!r}, which was not found; name its folder by packages = "
+        f'{{ {name} = "FOLDER" }} in [[arms]], or by ROS_PACKAGE_PATH'
+    )
+
+
+def _called(folder: Path) -> str | None:
+    """The name of the package that a folder is, if it is one."""
+    try:
+        return (ET.parse(folder / "package.xml").getroot().findtext("name") or "").strip()
+    except (OSError, ET.ParseError):
+        return None
