@@ -14,7 +14,7 @@ from copose.paths.lattice import Lattice, Moves
 from copose.paths.routes import Finder, Worth
 from copose.planning.cell import Cell
 from copose.planning.machinery import Machinery
-from copose.planning.reach_bounds import excluded, too_far
+from copose.planning.reach_bounds import ReachBound, excluded
 from copose.planning.self_motion import ArmSample, ArmSampler
 from path_problems import single_hinged
 
@@ -71,7 +71,8 @@ def test_links_that_are_too_short_are_told_by_how_much() -> None:
     goal = Machinery(ready).setting(ready).placement.goals[0]
     base = np.array(cell["arms"][0]["base"]["position"])
     gap = np.linalg.norm(np.array([4.85, 0.1]) - base) - 5 * 0.4
-    assert too_far(ready.arms[0], goal, rigid=False) == pytest.approx(gap, abs=1e-12)
+    bound = ReachBound.of(ready.arms[0], ready.lower[0], ready.upper[0])
+    assert bound.missed(goal, rigid=False) == pytest.approx(gap, abs=1e-12)
 
 
 def test_what_random_postures_do_not_close_is_not_called_infeasible(monkeypatch) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from copose.mechanics import System
 from copose.mechanics.held_object import N_PARAMETERS
 from copose.planning.cell import Cell
-from copose.planning.reach_bounds import too_far
+from copose.planning.reach_bounds import ReachBound
 from copose.poses import Array, quaternion_product
 from copose.problem import PlanarObject, Problem, displaced
 from copose.results import Solution
@@ -102,7 +102,8 @@ class Freedom:
                     turned = {"object": arm.grasp.position, "base": goal[:3], "grasp": np.zeros(3)}
                     lever = float(np.linalg.norm(turned[c.what]))
                 shift += lever * float(most)
-            if too_far(arm, goal, rigid=False) > shift:
+            bound = ReachBound.of(arm, cell.lower[i], cell.upper[i])
+            if bound.missed(goal, rigid=False) > shift:
                 return True
         return False
 

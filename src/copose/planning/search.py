@@ -146,16 +146,28 @@ def search(machinery: Machinery, setting: Setting, seed: int, effort: Effort) ->
     """
     cell = setting.cell
     K = len(cell.arms)
+    goals = setting.placement.goals
+    samplers = [ArmSampler(cell, kernels, i, goals[i]) for i, kernels in enumerate(machinery.arms)]
+    held = {
+        i: held_sample(cell, sampler.kernels, i, goals[i])
+        for i, sampler in enumerate(samplers)
+        if cell.arms[i].fixed
+    }
+    # Beside an arm that surely misses one posture of the others is all that is told.
+    missed = any(
+        not len(held[i].closed) if i in held else sampler.proved
+        for i, sampler in enumerate(samplers)
+    )
     samples = []
-    for i, kernels in enumerate(machinery.arms):
+    for i, sampler in enumerate(samplers):
         stage(f"closing arm {cell.arms[i].name}", i, K)
-        most = effort.loops if kernels.n - kernels.m <= 1 else effort.surfaces
-        if cell.arms[i].fixed:
-            samples.append(held_sample(cell, kernels, i, setting.placement.goals[i]))
+        if i in held:
+            samples.append(held[i])
             continue
-        sampler = ArmSampler(cell, kernels, i, setting.placement.goals[i])
+        most = effort.loops if sampler.kernels.n - sampler.kernels.m <= 1 else effort.surfaces
+        batches = 1 if missed else effort.batches
         rng = np.random.default_rng([seed, i])
-        samples.append(sampler.sample(rng, effort.batch, effort.batches, most, effort.insistence))
+        samples.append(sampler.sample(rng, effort.batch, batches, most, effort.insistence))
     if any(len(sample.closed) == 0 for sample in samples):
         return Found(tuple(samples))
     postures = [sample.closed for sample in samples]

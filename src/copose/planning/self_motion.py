@@ -15,7 +15,9 @@ import numpy as np
 from copose.planning.arm_kernels import ArmKernels
 from copose.planning.cell import Cell
 from copose.planning.closing import CLOSED, project
+from copose.planning.least_squares import nearest
 from copose.planning.loops import Loops
+from copose.planning.reach_bounds import out_of_reach
 from copose.poses import Array, Indices
 from copose.robots import finite_range
 
@@ -23,8 +25,13 @@ _NEIGHBOURS = 3
 # Closed postures of which the first that stays within limits to the last digit is the seed's.
 _TRIED = 8
 _SAME = 1e-6
-# Misses that are kept.
-_MISSES = 32
+# The batch by which some posture closes, limits aside, where any does, as a rule.
+_HOPED = 1
+# Random postures that are projected at a time where none closes, those of them that are brought as
+# near as they come, and how many of these may end in the nearest before no more are drawn.
+_DRAWN, _NEAREST, _MET = 128, 12, 12
+# What ends of them differ by that are one, and one that may yet close, m or rad.
+_ONE, _CLOSING = 1e-4, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +43,8 @@ class ArmSample:
         neighbours: indices of those next to each, (count, k).
         tried: random postures that were projected.
         branches: self-motions found, None where they were not told apart.
-        missed: where no posture closes, random ones projected within limits, nearest first.
+        missed: where no posture closes, local minima of the gap within limits, nearest first.
+        proved: whether none can, for links are too short, or too long.
     """
 
     closed: Array
@@ -44,6 +52,7 @@ class ArmSample:
     tried: int
     branches: int | None
     missed: Array
+    proved: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,15 +81,23 @@ class ArmSampler:
             batch: postures a batch.
             batches: at most.
             most: postures that are kept, at most.
-            insistence: postures drawn before the arm is said to miss its grasp.
+            insistence: postures drawn before the arm is said to miss its grasp, at most.
         """
+        if self.proved:
+            return self._proved(rng, insistence)
         loops = Loops(self.cell, self.kernels, self.i, self.goal)
         simple = self.kernels.n - self.kernels.m <= 1
-        first = points = np.zeros((0, self.kernels.n))
-        tried = 0
-        for _ in range(batches):
+        first = points = missed = np.zeros((0, self.kernels.n))
+        tried = found = 0
+        for number in range(batches):
             tried += batch
             q = loops.closed(self._draw(rng, batch))
+            found += len(q)
+            if number == _HOPED and not found and insistence:
+                q, missed, drawn = self._insist(rng, insistence)
+                tried += drawn
+                if not len(q):
+                    break
             if simple:
                 more = loops.add(q)
             else:
@@ -98,10 +115,9 @@ class ArmSampler:
         if len(first):
             points = points[(np.abs(points - first) > _SAME).any(axis=1)]
         points = np.vstack([first, thinned(points, most)])
-        missed = points[:0]
-        if len(points) == 0 and insistence:
-            points, missed = self._insist(rng, insistence)
-            tried += insistence
+        if len(points) == 0 and insistence and not len(missed):
+            points, missed, drawn = self._insist(rng, insistence)
+            tried += drawn
         return ArmSample(
             closed=points,
             neighbours=neighbours(self.cell, self.kernels, self.i, points),
@@ -136,14 +152,57 @@ class ArmSampler:
         closed[np.delete(rows, once)] = False
         return np.asarray(ends[closed])
 
-    def _insist(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
-        """Postures that close within limits after all, and the nearest of those that do not."""
+    @property
+    def proved(self) -> bool:
+        """Whether a bound says that no posture holds the object."""
+        cell, i = self.cell, self.i
+        return out_of_reach(
+            cell.arms[i], cell.lower[i], cell.upper[i], self.goal, rigid=cell.system.space.rigid
+        )
+
+    def _proved(self, rng: np.random.Generator, insistence: int) -> ArmSample:
+        """No postures, and the nearest misses where they are asked for."""
+        nothing = np.zeros((0, self.kernels.n))
+        return ArmSample(
+            closed=nothing,
+            neighbours=np.zeros((0, 0), dtype=np.intp),
+            tried=_DRAWN if insistence else 0,
+            branches=0 if self.kernels.n - self.kernels.m <= 1 else None,
+            missed=self._nearest(self._draw(rng, _DRAWN))[0] if insistence else nothing,
+            proved=True,
+        )
+
+    def _nearest(self, drawn: Array) -> tuple[Array, Array]:
+        """Local minima of the gap that the nearest of some postures lead to, nearest first, and the
+        gaps.
+        """
         lower, upper = self.cell.lower[self.i], self.cell.upper[self.i]
-        drawn = self._draw(rng, count)
-        q, gaps = project(self.kernels, drawn, self.goal, lower, upper)
+        q, gaps = project(self.kernels, drawn, self.goal, lower, upper, steps=12)
+        best = np.argsort(gaps, kind="stable")[:_NEAREST]
+        q, gaps = nearest(self.kernels, q[best], self.goal, lower, upper)
         order = np.argsort(gaps, kind="stable")
-        closed = order[gaps[order] < CLOSED]
-        return q[closed], q[order[len(closed) :][:_MISSES]]
+        return q[order], gaps[order]
+
+    def _insist(self, rng: np.random.Generator, count: int) -> tuple[Array, Array, int]:
+        """Postures that close within limits after all, misses where none does, and how many were
+        drawn: no more once the nearest miss has been met again and again.
+        """
+        lower, upper = self.cell.lower[self.i], self.cell.upper[self.i]
+        drawn = ends = np.zeros((0, self.kernels.n))
+        gaps = np.zeros(0)
+        while len(drawn) < count:
+            more = self._draw(rng, _DRAWN)
+            drawn = np.vstack([drawn, more])
+            q, left = self._nearest(more)
+            ends, gaps = np.vstack([ends, q]), np.concatenate([gaps, left])
+            if gaps.min() <= _CLOSING or (gaps <= gaps.min() + _ONE).sum() >= _MET:
+                break
+        if gaps.min() <= _CLOSING:
+            drawn = np.vstack([drawn, self._draw(rng, max(0, count - len(drawn)))])
+            q, left = project(self.kernels, np.vstack([ends, drawn]), self.goal, lower, upper)
+            if (left < CLOSED).any():
+                return q[left < CLOSED], ends[:0], len(drawn)
+        return ends[:0], ends[np.argsort(gaps, kind="stable")], len(drawn)
 
 
 def neighbours(cell: Cell, kernels: ArmKernels, i: int, points: Array) -> Indices:
