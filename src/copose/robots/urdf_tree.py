@@ -249,7 +249,11 @@ class Tree:
         return InputError(f"{text}; {_xacro(self.file)}" if self.foreign else text, key=key)
 
 
-def read_tree(file: Path, packages: Mapping[str, Path], arguments: Mapping[str, str]) -> Tree:
+def read_tree(
+    file: Path,
+    packages: Mapping[str, Path] | None = None,
+    arguments: Mapping[str, str] | None = None,
+) -> Tree:
     """Read a URDF's tree.
 
     Args:
@@ -262,7 +266,7 @@ def read_tree(file: Path, packages: Mapping[str, Path], arguments: Mapping[str, 
     """
     text = _text(read_bytes(file, _MOST_BYTES))
     if file.suffix == XACRO:
-        text = expanded(file, arguments, packages)
+        text = expanded(file, arguments or {}, packages or {})
     robot = _parsed(text, file)
     if robot.tag != "robot":
         raise InputError(f"{file.name} is not a URDF: its root is <{robot.tag}>, not <robot>")
@@ -299,7 +303,7 @@ def read_tree(file: Path, packages: Mapping[str, Path], arguments: Mapping[str, 
         root=roots[0],
         order=tuple(order),
         foreign=foreign,
-        arguments=tuple(sorted(arguments.items())),
+        arguments=tuple(sorted((arguments or {}).items())),
     )
 
 
