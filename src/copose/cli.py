@@ -128,6 +128,10 @@ def _parser() -> argparse.ArgumentParser:
     check = _command(
         commands, "check", "read the file and the robots, and print the chains", _check
     )
+    check.add_argument(
+        "--figure", type=Path, metavar="FILE",
+        help="draw bodies and frames at the start into a .png, .pdf or .svg",
+    )  # fmt: skip
     _add_telling(check)
     return parser
 
@@ -279,12 +283,22 @@ def _check(arguments: argparse.Namespace) -> int:
     with _watched(arguments):
         from copose.paths import described
         from copose.planning import check
-        from copose.report import chains
+        from copose.report import chains, check_format, draw_start
 
+        figure = arguments.figure
+        if figure is not None:
+            check_format(figure)
+            _check_place(figure)
         problem = _load(arguments)
         found = check(problem)
         way = described(problem, found.arms)
-    _print(chains(problem.name, problem.task.space, found.arms, found.notes, way))
+        if figure is not None:
+            stage("drawing")
+            with _spared(figure):
+                draw_start(problem, found.starts, figure)
+    _print(chains(problem, found.starts, found.notes, way))
+    if figure is not None:
+        _print_place(figure)
     return SOLVED
 
 

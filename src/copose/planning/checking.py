@@ -9,16 +9,25 @@ from copose.collision.robot_solids import large_links
 from copose.kernels import one_at_a_time
 from copose.planning.cell import Cell
 from copose.planning.notes import standing_notes
+from copose.planning.starts import starts
 from copose.problem import Problem
-from copose.robots import Arm
+from copose.robots import Arm, ArmStart
 
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """A problem that can be solved: its chains as they were read, and what is doubtful."""
+    """A problem that can be solved: its chains as they were read, and what is doubtful.
+
+    Attributes:
+        problem: as asked.
+        arms: its chains.
+        starts: where they are before anything is solved.
+        notes: what is doubtful.
+    """
 
     problem: Problem
     arms: tuple[Arm, ...]
+    starts: tuple[ArmStart, ...]
     notes: tuple[str, ...]
 
 
@@ -35,4 +44,4 @@ def check(problem: Problem) -> Check:
         notes += Scene.of(problem, cell.arms).notes
     else:
         notes += large_links(problem)
-    return Check(problem, cell.arms, notes)
+    return Check(problem, cell.arms, starts(cell), notes)

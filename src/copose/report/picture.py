@@ -9,17 +9,18 @@ import os
 import sys
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from copose.errors import InputError
-from copose.problem import SPACES
+from copose.problem import SPACES, Problem
 from copose.report import style
 from copose.report.comparing import Comparison
 from copose.report.rows import Row, case_rows, result_row
 from copose.results import Motion, Solution, write_file
+from copose.robots import ArmStart
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -158,6 +159,22 @@ def draw(solution: Solution | Motion, path: str | Path) -> None:
     if not style.panels(solution) and not case_rows(solution):
         raise InputError(f"no posture to draw: {solution.reason}")
     write_file(file, picture(solution, file.suffix.lower()[1:]))
+
+
+def draw_start(problem: Problem, starts: Sequence[ArmStart], path: str | Path) -> None:
+    """Draw arms at their starts, with the frames of object, tips and grasps, into a .png, .pdf or
+    .svg file.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    file = Path(path)
+    check_format(file)
+    with _drawing():
+        from copose.report.start_figure import start_figure
+
+        content = _saved(start_figure(problem, starts), file.suffix.lower()[1:])
+    write_file(file, content)
 
 
 def draw_comparison(comparison: Comparison, path: str | Path) -> None:

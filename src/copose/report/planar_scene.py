@@ -18,7 +18,7 @@ from copose.report import legends, style
 from copose.report.ranges import ranges
 from copose.report.shapes import cut, outline
 from copose.report.slices import Slice, all_coordinates, linear_slice
-from copose.report.style import Answer, Panel
+from copose.report.style import Drawn, Panel
 from copose.report.surroundings import bodies, capsule_points, capsules, flat_capsule
 from copose.results import PlanarPlace, Posture
 
@@ -113,21 +113,21 @@ def _points(panels: list[Panel]) -> Array:
     return np.vstack([posture_points(panel.posture, panel.solution) for panel in panels])
 
 
-def posture_points(posture: Posture, solution: Answer) -> Array:
+def posture_points(posture: Posture, solution: Drawn) -> Array:
     """Points of arms and object, (k, 2)."""
     points = [np.array([*arm.skeleton, arm.grasp])[:, :2] for arm in posture.arms.values()]
     rim = _outline(posture, solution)
     return np.vstack([*points, *([] if rim is None else [rim]), posture.object.position])
 
 
-def _outline(posture: Posture, solution: Answer) -> Array | None:
+def _outline(posture: Posture, solution: Drawn) -> Array | None:
     shape, place = solution.problem.shape, posture.object
     if shape is None or not isinstance(place, PlanarPlace):
         return None
     return outline(shape, place.position, place.angle)
 
 
-def draw_bodies(ax: Axes, solution: Answer, low: Array, high: Array) -> None:
+def draw_bodies(ax: Axes, solution: Drawn, low: Array, high: Array) -> None:
     """Obstacles, each with its name in the middle of what is seen of it, or below."""
     for each in solution.problem.obstacles:
         if not isinstance(each, PlanarObstacle):
@@ -150,7 +150,7 @@ def draw_bodies(ax: Axes, solution: Answer, low: Array, high: Array) -> None:
         name.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
 
 
-def draw_ghost(ax: Axes, posture: Posture, solution: Answer, strength: float) -> None:
+def draw_ghost(ax: Axes, posture: Posture, solution: Drawn, strength: float) -> None:
     """Arms and object as they pass by."""
     rim = _outline(posture, solution)
     if rim is not None:
@@ -162,7 +162,7 @@ def draw_ghost(ax: Axes, posture: Posture, solution: Answer, strength: float) ->
                 solid_capstyle="round", solid_joinstyle="round")  # fmt: skip
 
 
-def draw_posture(ax: Axes, posture: Posture, solution: Answer) -> None:
+def draw_posture(ax: Axes, posture: Posture, solution: Drawn) -> None:
     """Arms, object and what keeps them apart."""
     ax.grid(True, color="#EEEEEE", linewidth=0.8)
     ax.set_axisbelow(True)

@@ -16,7 +16,7 @@ from copose.report.frames import frame, roomy, view_axes
 from copose.report.ranges import object_axes, ranges
 from copose.report.shapes import faces
 from copose.report.slices import Slice, angular_slice, linear_slice
-from copose.report.style import Answer, Panel
+from copose.report.style import Drawn, Panel
 from copose.report.surroundings import Body, bodies, capsule_points, capsules, seen_capsule
 from copose.results import EllipsoidRecord, Posture
 
@@ -139,13 +139,13 @@ def _points(panels: list[Panel], kinds: list[Kind]) -> Array:
     return np.vstack(points)
 
 
-def posture_points(posture: Posture, solution: Answer) -> Array:
+def posture_points(posture: Posture, solution: Drawn) -> Array:
     """Points of arms and object, (k, 3)."""
     points = [np.array([*arm.skeleton, arm.grasp]) for arm in posture.arms.values()]
     return np.vstack([*points, *_faces(posture, solution), posture.object.position])
 
 
-def _faces(posture: Posture, solution: Answer) -> list[Array]:
+def _faces(posture: Posture, solution: Drawn) -> list[Array]:
     """The object's surface as polygons in the world."""
     shape = solution.problem.shape
     if shape is None:
@@ -165,7 +165,7 @@ def draw_body(ax: Any, body: Body) -> None:
     name.set_path_effects([withStroke(linewidth=2, foreground="white")])
 
 
-def draw_ghost(ax: Any, posture: Posture, solution: Answer, strength: float) -> None:
+def draw_ghost(ax: Any, posture: Posture, solution: Drawn, strength: float) -> None:
     """Arms and object as they pass by."""
     for corners in _faces(posture, solution):
         rim = np.vstack([corners, corners[:1]])
@@ -176,7 +176,7 @@ def draw_ghost(ax: Any, posture: Posture, solution: Answer, strength: float) -> 
                 solid_joinstyle="round")  # fmt: skip
 
 
-def draw_posture(ax: Any, posture: Posture, solution: Answer) -> None:
+def draw_posture(ax: Any, posture: Posture, solution: Drawn) -> None:
     """Arms, object and what keeps them apart."""
     for rows, color in capsules(posture).values():
         rims = [seen_capsule(row) for row in rows]

@@ -8,11 +8,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
-from copose.results import CasePosture, Motion, Posture, Solution
+from copose.results import CasePosture, Motion, Posture, ProblemRecord, Solution
 
 Answer: TypeAlias = Solution | Motion
+
+
+class Drawn(Protocol):
+    """What a scene is of: a result, or a problem that has none yet."""
+
+    @property
+    def problem(self) -> ProblemRecord:
+        """The object's shape, and what stands around."""
+        ...
+
 
 SYSTEM = "#D55E00"
 ANGULAR = "#8B3A8B"

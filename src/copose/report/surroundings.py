@@ -11,7 +11,7 @@ from copose.problem import Obstacle, PlanarObstacle
 from copose.report import style
 from copose.report.frames import view_axes
 from copose.report.shapes import cut, faces, outline, stadium
-from copose.report.style import Answer
+from copose.report.style import Drawn
 from copose.results import Posture
 
 # How far beyond arms and object large obstacles are drawn, as a share of the scene: a floor would
@@ -39,7 +39,7 @@ class Body:
         return np.vstack(self.faces)
 
 
-def bodies(solution: Answer, low: Array, high: Array) -> list[Body]:
+def bodies(solution: Drawn, low: Array, high: Array) -> list[Body]:
     """Obstacles near a scene from low to high; of those larger than it the parts that are near."""
     size = float((high - low).max())
     beyond = _BEYOND * size

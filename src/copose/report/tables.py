@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from copose.capability import RESOLUTIONS
-from copose.problem import SPACES
+from copose.problem import SPACES, Problem
 from copose.report import style
 from copose.report.columns import (
     compared_table,
@@ -22,8 +22,9 @@ from copose.report.columns import (
 from copose.report.limits import limit_rows, limit_tables
 from copose.report.placement import case_tables, distance_rows, free_tables, placement_lines
 from copose.report.slices import angular_slice, linear_slice, semi_axes
+from copose.report.starts import start_table
 from copose.results import Solution
-from copose.robots import Arm
+from copose.robots import ArmStart
 
 # Local optima that are listed.
 _OPTIMA = 5
@@ -142,13 +143,13 @@ def _evidence(solution: Solution) -> str:
 
 
 def chains(
-    name: str, space: str, arms: tuple[Arm, ...], notes: tuple[str, ...], way: str | None
+    problem: Problem, starts: tuple[ArmStart, ...], notes: tuple[str, ...], way: str | None
 ) -> RenderableType:
-    """The chains as they were read: joints in order, limits, efforts, what was locked; and the way
-    of the object, where it has one.
+    """The chains as they were read: joints in order, limits, efforts, what was locked; where they
+    are at the start; and the way of the object, where it has one.
     """
-    parts: list[RenderableType] = [heading(name, space)]
-    for arm in arms:
+    parts: list[RenderableType] = [heading(problem.name, problem.task.space)]
+    for arm in (start.arm for start in starts):
         table = Table(
             title=Text(f"{arm.name}: {arm.model}, {arm.n} joints"),
             title_justify="left",
@@ -169,6 +170,7 @@ def chains(
         if arm.fixed:
             parts.append(Text("fixed: held at its start"))
         parts.append(Text(""))
+    parts += [*start_table(problem, starts), Text("")]
     if way is not None:
         parts += [Text(way), Text("")]
     parts += note_lines(notes)

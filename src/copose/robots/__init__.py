@@ -2,5 +2,6 @@
 
 from copose.robots.arm import Arm, Body, Joint, finite_range
 from copose.robots.loading import load_arms
+from copose.robots.start import ArmStart
 
-__all__ = ["Arm", "Body", "Joint", "finite_range", "load_arms"]
+__all__ = ["Arm", "ArmStart", "Body", "Joint", "finite_range", "load_arms"]

@@ -158,6 +158,13 @@ class Arm:
         """Names of the free joints, root to tip."""
         return tuple(joint.name for joint in self.joints)
 
+    def frames(self, positions: Sequence[float] | Array) -> tuple[Pose, ...]:
+        """Root, joints and tip in the world at joint positions, rad or m."""
+        found = [self.base]
+        for joint, position in zip(self.joints, positions, strict=True):
+            found.append(found[-1] @ joint.at(float(position)))
+        return (*found, found[-1] @ self.tip)
+
     @property
     def fingerprint(self) -> bytes:
         """Equal for arms that move alike, wherever they stand and whatever they hold."""
@@ -170,10 +177,7 @@ class Arm:
 
     def tip_at(self, positions: Sequence[float] | Array) -> Pose:
         """T_world_tip at joint positions, rad or m."""
-        pose = self.base
-        for joint, position in zip(self.joints, positions, strict=True):
-            pose = pose @ joint.at(position)
-        return pose @ self.tip
+        return self.frames(positions)[-1]
 
     @property
     def lower(self) -> Array:

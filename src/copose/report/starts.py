@@ -1,0 +1,120 @@
+"""Where object and arms are before anything is solved, as tables and records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rich.console import RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from copose.poses import Array, Pose
+from copose.problem import Problem
+from copose.results import (
+    ArmRecord,
+    EllipsoidRecord,
+    Posture,
+    ProblemRecord,
+    matrix,
+    place,
+    vector,
+)
+from copose.robots import ArmStart
+
+# Pitches that are so near to ±90° are shown as if they were, rad.
+_UPRIGHT = 1e-6
+
+
+def start_table(problem: Problem, starts: Sequence[ArmStart]) -> list[RenderableType]:
+    """The object's frame and every tip's, and by how much each arm misses its grasp."""
+    planar = problem.space.planar
+    table = Table(title=Text("at the start"), title_justify="left", show_edge=False, pad_edge=False)
+    table.add_column("frame", overflow="fold")
+    for column in ("in", "position, m", "angle, rad" if planar else "rpy, rad"):
+        table.add_column(column)
+
+    def row(what: str, within: str, pose: Pose) -> None:
+        position, turn = (
+            (pose.position[:2], pose.rpy[2:]) if planar else (pose.position, _rpy(pose))
+        )
+        table.add_row(Text(what), within, _numbers(position), _numbers(turn))
+
+    row("object", "world", problem.object.pose)
+    for start in starts:
+        row(f"{start.arm.name}: tip", "world", start.tip)
+        row("", "object", start.tip_in_object)
+        row(f"{start.arm.name}: grasp", "object", start.arm.grasp)
+    return [table, *(Text(start_words(start)) for start in starts)]
+
+
+def start_words(start: ArmStart) -> str:
+    """Whether an arm holds the object at its start, and by how much it misses its grasp."""
+    name = f"arm {start.arm.name!r}"
+    if start.given:
+        if start.closed:
+            return f"{name} holds the object at its start"
+        return f"{name} misses its grasp by {start.miss} at its start"
+    if start.closed:
+        return f"{name} has no start; a random posture holds the object"
+    return f"{name} has no start; of many random postures the nearest misses by {start.miss}"
+
+
+@dataclass(frozen=True, eq=False)
+class StartScene:
+    """What a scene needs of a problem that has no result yet.
+
+    Attributes:
+        problem: as results tell of it.
+        posture: of the starts; without ellipsoids.
+    """
+
+    problem: ProblemRecord
+    posture: Posture
+
+    @classmethod
+    def of(cls, problem: Problem, starts: Sequence[ArmStart]) -> StartScene:
+        """The scene of arms at their starts."""
+        planar, nothing = problem.space.planar, EllipsoidRecord.of(None)
+        record = ProblemRecord(
+            name=problem.name,
+            space=problem.task.space,
+            shape=problem.object.shape,
+            axes=tuple(problem.space.coordinates[i] for i in problem.axes),
+            resolution=problem.ellipsoid.resolution,
+            torque_scaling=problem.ellipsoid.torque_scaling,
+            obstacles=problem.obstacles,
+        )
+        arms = {
+            start.arm.name: ArmRecord(
+                skeleton=matrix(np.array([frame.position for frame in start.frames])),
+                grasp=vector(start.grasp.position),
+                ellipsoid=nothing,
+            )
+            for start in starts
+        }
+        posture = Posture(
+            joints={start.arm.name: vector(start.joints) for start in starts},
+            object=place(problem.object.pose, planar),
+            closure_error={start.arm.name: max(start.gap, start.turn) for start in starts},
+            ellipsoid=nothing,
+            log_volumes={},
+            arms=arms,
+        )
+        return cls(record, posture)
+
+
+def _rpy(pose: Pose) -> Array:
+    """Roll, pitch, yaw; at pitches of ±90°, where only roll ∓ yaw is known, with yaw 0, so that
+    equal frames have equal numbers.
+    """
+    roll, pitch, yaw = pose.rpy
+    if abs(abs(pitch) - np.pi / 2) > _UPRIGHT:
+        return pose.rpy
+    roll -= np.copysign(1.0, pitch) * yaw
+    return np.array([np.pi - np.mod(np.pi - roll, 2 * np.pi), pitch, 0.0])
+
+
+def _numbers(values: Sequence[float] | Array) -> str:
+    return " ".join(f"{round(float(value), 4) + 0.0:.4f}" for value in values)
