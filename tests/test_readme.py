@@ -45,7 +45,7 @@ def shell(text: str) -> str:
 
 def test_every_block_is_of_a_kind_that_is_run() -> None:
     assert {name for name, _ in BLOCKS} == {"sh", "text", "toml", "python"}
-    assert len(blocks("sh")) == 3 and len(blocks("text")) == 1
+    assert len(blocks("sh")) == 4 and len(blocks("text")) == 1
 
 
 def test_the_first_command_prints_and_draws_what_is_shown(here: Path) -> None:
@@ -71,8 +71,14 @@ def test_the_picture_of_the_exact_set_is_what_evaluate_draws(here: Path) -> None
     assert shown.shape == drawn.shape and np.abs(shown - drawn).mean() < 0.01
 
 
-def test_the_commands_run(here: Path) -> None:
+def test_from_two_robots_to_a_picture_in_three_commands(here: Path) -> None:
     printed = shell(blocks("sh")[1])
+    assert "guessed:" in printed and "'left' holds the object" in printed and "volume ×" in printed
+    assert (here / "cell.png").exists() and (here / "cell/before_after.png").exists()
+
+
+def test_the_commands_run(here: Path) -> None:
+    printed = shell(blocks("sh")[2])
     assert "panda_joint7" in printed and "log-volume" in printed and "difference" in printed
     assert (here / "compare.png").exists()
     assert (here / "carried/trajectory.yaml").exists()
@@ -80,7 +86,7 @@ def test_the_commands_run(here: Path) -> None:
 
 
 def test_the_test_command_is_what_ci_runs() -> None:
-    command = blocks("sh")[2].strip()
+    command = blocks("sh")[3].strip()
     assert command == (ROOT / ".ci/run").read_text().splitlines()[-1]
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert "test" in extras["optional-dependencies"] and "robots" in extras["optional-dependencies"]

@@ -83,6 +83,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"copose {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
 
+    _add_init(commands)
+
     solve = _command(commands, "solve", "find the best posture", _solve)
     _add_outputs(solve, (_PICTURE,), _MISS)
     _add_aim(solve)
@@ -134,6 +136,39 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     _add_telling(check)
     return parser
+
+
+def _add_init(commands: object) -> None:
+    text = "make a problem file from robots"
+    init: argparse.ArgumentParser = commands.add_parser(  # type: ignore[attr-defined]
+        "init",
+        help=text,
+        description=f"{text[0].upper()}{text[1:]}; what it guesses has a comment.",
+    )
+    init.add_argument(
+        "robots", nargs="+", metavar="ROBOT",
+        help="a URDF with several arms, or several: a path, package://… or example-robot-data://…",
+    )  # fmt: skip
+    init.add_argument(
+        "-o", "--output", type=Path, metavar="FILE.toml",
+        help="the problem file (default: the robots' names)",
+    )  # fmt: skip
+    init.add_argument(
+        "--tip", action="append", default=[], metavar="[NAME=]LINK",
+        help="a link that grasps, and what its arm is called (repeatable)",
+    )  # fmt: skip
+    init.add_argument(
+        "--joints", action="append", default=[], type=_named_numbers, metavar="ARM=Q1,Q2,…",
+        help="joint positions, rad or m: the arms hold the object as they are (repeatable)",
+    )  # fmt: skip
+    init.add_argument("--mass", type=_positive, metavar="KG", help="of the object")
+    init.add_argument("--size", type=_edges, metavar="X,Y,Z", help="of the box that it is, m")
+    init.add_argument(
+        "--space", choices=("spatial", "spatial-linear"), help="rigid grasps, or ball joints"
+    )
+    init.add_argument("--overwrite", action="store_true", help="replace a file that is there")
+    _add_telling(init)
+    init.set_defaults(run=_init)
 
 
 def _command(commands: object, name: str, text: str, run: object) -> argparse.ArgumentParser:
@@ -196,6 +231,71 @@ def _seconds(text: str) -> float:
     if not 0 < seconds < math.inf:
         raise argparse.ArgumentTypeError(f"{shown(text)} is no finite number of seconds above 0")
     return seconds
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        values = []
+    if not values or not all(map(math.isfinite, values)):
+        raise argparse.ArgumentTypeError(f"{shown(text)}: numbers apart by commas are needed")
+    return values
+
+
+def _positive(text: str) -> float:
+    values = _numbers(text)
+    if len(values) != 1 or values[0] <= 0:
+        raise argparse.ArgumentTypeError(f"{shown(text)} is no number above zero")
+    return values[0]
+
+
+def _edges(text: str) -> list[float]:
+    values = _numbers(text)
+    if len(values) != 3 or min(values) <= 0:
+        raise argparse.ArgumentTypeError(f"{shown(text)}: three numbers above zero are needed")
+    return values
+
+
+def _named_numbers(text: str) -> tuple[str, list[float]]:
+    name, equals, values = text.partition("=")
+    if not equals or not name:
+        raise argparse.ArgumentTypeError(f"{shown(text)}: ARM=Q1,Q2,… is needed")
+    return name, _numbers(values)
+
+
+def _init(arguments: argparse.Namespace) -> int:
+    with _watched(arguments):
+        from copose.setup import Wishes, default_name, draft
+
+        file = arguments.output
+        if file is None:
+            file = Path(f"{default_name(arguments.robots)}.toml")
+        _check_place(file)
+        if file.exists() and not arguments.overwrite:
+            raise InputError("is there already; --overwrite replaces it", file=file)
+        wishes = Wishes(
+            tips=arguments.tip,
+            joints=dict(arguments.joints),
+            mass=arguments.mass,
+            size=arguments.size,
+            space=arguments.space,
+        )
+        made = draft(arguments.robots, file, wishes)
+        from copose.results import write_file
+
+        write_file(file, made.text.encode())
+    if not arguments.quiet:
+        from rich.text import Text
+
+        _print(Text("\n".join(["guessed:", *(f"  {guess}" for guess in made.guesses)])))
+        _print_place(file)
+    missed = [start for start in made.starts if not start.closed]
+    if missed:
+        told = (f"arm {start.arm.name!r} misses its grasp by {start.miss}" for start in missed)
+        _tell(f"no posture that closes was found: {'; '.join(told)}")
+        return INFEASIBLE
+    return SOLVED
 
 
 def _solve(arguments: argparse.Namespace) -> int:

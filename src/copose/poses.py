@@ -13,6 +13,9 @@ Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 Indices: TypeAlias = NDArray[np.intp]
 
+# Pitches that are so near to ±90° count as if they were, rad.
+_UPRIGHT = 1e-6
+
 
 def frozen_array(values: ArrayLike) -> Array:
     """A read-only float64 copy."""
@@ -86,6 +89,20 @@ class Pose:
         unit = unit / np.linalg.norm(unit)
         return cls.make(position, rotation_rows(unit), unit)
 
+    @classmethod
+    def from_rotation(cls, rotation: Array, position: ArrayLike = (0, 0, 0)) -> Pose:
+        """A pose by its rotation matrix, (3, 3)."""
+        # 4 q qᵀ of the unit quaternion q, whose longest row is the safest multiple of it.
+        a, b, c = rotation
+        products = np.array([
+            [1 + a[0] + b[1] + c[2], c[1] - b[2], a[2] - c[0], b[0] - a[1]],
+            [c[1] - b[2], 1 + a[0] - b[1] - c[2], a[1] + b[0], a[2] + c[0]],
+            [a[2] - c[0], a[1] + b[0], 1 - a[0] + b[1] - c[2], b[2] + c[1]],
+            [b[0] - a[1], a[2] + c[0], b[2] + c[1], 1 - a[0] - b[1] + c[2]],
+        ])  # fmt: skip
+        row = products[int(np.diag(products).argmax())]
+        return cls.from_quaternion(position, -row if row[0] < 0 else row)
+
     @property
     def rpy(self) -> Array:
         """Fixed-axis roll, pitch, yaw, (3,), to working precision at pitches of ±90° too."""
@@ -95,6 +112,17 @@ class Pose:
         # What is left without the roll: near ±90° the two are known only together.
         left = R @ Pose.from_rpy(rpy=(-roll, 0.0, 0.0)).rotation
         return np.array([roll, pitch, np.arctan2(-left[0, 1], left[1, 1])])
+
+    @property
+    def plain_rpy(self) -> Array:
+        """The same, (3,), with yaw 0 at pitches of ±90°, where only roll ∓ yaw is known: equal
+        frames have equal numbers.
+        """
+        roll, pitch, yaw = self.rpy
+        if abs(abs(pitch) - np.pi / 2) > _UPRIGHT:
+            return np.array([roll, pitch, yaw])
+        roll -= np.copysign(1.0, pitch) * yaw
+        return np.array([np.pi - np.mod(np.pi - roll, 2 * np.pi), pitch, 0.0])
 
     def __matmul__(self, other: Pose) -> Pose:
         return Pose.make(

@@ -23,9 +23,6 @@ from copose.results import (
 )
 from copose.robots import ArmStart
 
-# Pitches that are so near to ±90° are shown as if they were, rad.
-_UPRIGHT = 1e-6
-
 
 def start_table(problem: Problem, starts: Sequence[ArmStart]) -> list[RenderableType]:
     """The object's frame and every tip's, and by how much each arm misses its grasp."""
@@ -37,7 +34,7 @@ def start_table(problem: Problem, starts: Sequence[ArmStart]) -> list[Renderable
 
     def row(what: str, within: str, pose: Pose) -> None:
         position, turn = (
-            (pose.position[:2], pose.rpy[2:]) if planar else (pose.position, _rpy(pose))
+            (pose.position[:2], pose.rpy[2:]) if planar else (pose.position, pose.plain_rpy)
         )
         table.add_row(Text(what), within, _numbers(position), _numbers(turn))
 
@@ -103,17 +100,6 @@ class StartScene:
             arms=arms,
         )
         return cls(record, posture)
-
-
-def _rpy(pose: Pose) -> Array:
-    """Roll, pitch, yaw; at pitches of ±90°, where only roll ∓ yaw is known, with yaw 0, so that
-    equal frames have equal numbers.
-    """
-    roll, pitch, yaw = pose.rpy
-    if abs(abs(pitch) - np.pi / 2) > _UPRIGHT:
-        return pose.rpy
-    roll -= np.copysign(1.0, pitch) * yaw
-    return np.array([np.pi - np.mod(np.pi - roll, 2 * np.pi), pitch, 0.0])
 
 
 def _numbers(values: Sequence[float] | Array) -> str:

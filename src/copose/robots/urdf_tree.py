@@ -125,6 +125,7 @@ class Tree:
 
     Attributes:
         file: where it was read.
+        name: the robot's.
         links: by name, in file order.
         joints: by the name of their child link, in file order.
         root: the link that no joint moves.
@@ -134,6 +135,7 @@ class Tree:
     """
 
     file: Path
+    name: str
     links: Mapping[str, TreeLink]
     joints: Mapping[str, TreeJoint]
     root: str
@@ -298,6 +300,7 @@ def read_tree(
         raise InputError(f"{file.name} is no tree: link {loop!r} is part of a loop")
     return Tree(
         file=file,
+        name=robot.get("name", ""),
         links={_name(element): _link(element) for element in links},
         joints=by_child,
         root=roots[0],

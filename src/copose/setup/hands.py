@@ -1,0 +1,102 @@
+"""Hands: which way they approach, and how far they reach beyond the frame that grasps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from copose.collision.urdf_geometry import LinkShapes
+from copose.poses import Array, Pose
+from copose.robots import Arm
+from copose.robots.urdf import Robot
+
+# What no hand reaches beyond its frame, m, and what is no way, m.
+_LONGEST, _NO_WAY = 0.25, 0.01
+_NAMES = ("x", "y", "z")
+
+
+@dataclass(frozen=True, eq=False)
+class Hand:
+    """How a hand comes to what it grasps.
+
+    Attributes:
+        axis: of the tip's frame, (3,): one of ±x, ±y, ±z.
+        reach: from the tip to the ends of the fingers along it, m.
+        guess: whether nothing said so.
+    """
+
+    axis: Array
+    reach: float
+    guess: bool
+
+    @property
+    def name(self) -> str:
+        """The axis in words."""
+        k = int(np.abs(self.axis).argmax())
+        return ("−" if self.axis[k] < 0 else "+") + _NAMES[k]
+
+    @classmethod
+    def of(cls, robot: Robot, shapes: LinkShapes, arm: Arm, locked: dict[str, float]) -> Hand:
+        """From where the wrist is, where the hand's shapes are, and where its tip is.
+
+        Args:
+            robot: whose hand.
+            shapes: of its links.
+            arm: in the robot.
+            locked: joints that are held.
+        """
+        names = arm.joint_names
+        placed = robot.tree.placed(robot.tree.standing(locked, names).at, names)
+        points = [np.zeros((0, 3))]
+        for link, parts in shapes.parts.items():
+            carrier, pose = placed[link]
+            if carrier != names[-1]:
+                continue
+            for part in parts:
+                corners, radius = part.shape.hull
+                at = pose @ part.placement
+                corners = corners @ at.rotation.T + at.position
+                points += [corners + radius * np.eye(3)[k] * s for k in range(3) for s in (1, -1)]
+        to_tip = arm.tip.inverse()
+        hand = np.vstack(points) @ to_tip.rotation.T + to_tip.position
+        wrist = _wrist(arm)
+        way = -wrist
+        if len(hand):
+            way = way + (hand.min(axis=0) + hand.max(axis=0)) / 2 - wrist
+        k = int(np.abs(way).argmax())
+        axis = np.zeros(3)
+        axis[k] = np.sign(way[k])
+        guess = abs(way[k]) < _NO_WAY
+        if guess:
+            axis = np.array([0.0, 0.0, 1.0])
+        reach = float((hand @ axis).max()) if len(hand) else 0.0
+        return cls(axis, round(min(max(reach, 0.0), _LONGEST), 3), guess)
+
+
+def _wrist(arm: Arm) -> Array:
+    """The nearest joint's origin that is not the tip itself, in the tip's frame, (3,)."""
+    pose = arm.tip
+    for joint in reversed(arm.joints):
+        origin = pose.inverse().position
+        if float(np.linalg.norm(origin)) > _NO_WAY:
+            return origin
+        pose = joint.placement @ pose
+    return np.zeros(3)
+
+
+def toward(hand: Hand, direction: Array, roll: float) -> Pose:
+    """A frame whose approach axis points along a direction, turned about it by a roll, rad.
+
+    At roll 0 the next axis of the tip is as level as it can be.
+    """
+    k = int(np.abs(hand.axis).argmax())
+    ahead = direction / np.linalg.norm(direction) * hand.axis[k]
+    up = np.array([0.0, 0.0, 1.0]) if abs(direction[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    level = np.cross(up, ahead)
+    level /= np.linalg.norm(level)
+    level = np.cos(roll) * level + np.sin(roll) * np.cross(ahead, level)
+    columns = np.zeros((3, 3))
+    columns[:, k], columns[:, (k + 1) % 3] = ahead, level
+    columns[:, (k + 2) % 3] = np.cross(ahead, level)
+    return Pose.from_rotation(columns)

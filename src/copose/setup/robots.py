@@ -1,0 +1,150 @@
+"""Robots as a command line names them, and which arms are taken of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from copose.errors import InputError, nearest
+from copose.robots.paths import resolve
+from copose.robots.urdf import Robot
+from copose.robots.urdf_tree import read_tree
+from copose.setup.chains import Chain, chain_to, find_chains
+from copose.setup.srdf import srdf_tips
+
+
+@dataclass(frozen=True, eq=False)
+class NamedArm:
+    """An arm of one of the robots.
+
+    Attributes:
+        name: in the problem.
+        robot: which of the robots it is part of.
+        chain: its joints.
+    """
+
+    name: str
+    robot: int
+    chain: Chain
+
+
+@dataclass(frozen=True, eq=False)
+class RobotEntry:
+    """A robot that a command line names.
+
+    Attributes:
+        urdf: as the problem file names it.
+        stem: its file's name.
+        robot: what it says.
+        named: links that an SRDF beside it calls tips.
+    """
+
+    urdf: str
+    stem: str
+    robot: Robot
+    named: frozenset[str]
+
+    @classmethod
+    def of(cls, entry: str, folder: Path) -> RobotEntry:
+        """Read a robot.
+
+        Args:
+            entry: a path, ``package://…`` or ``example-robot-data://…``.
+            folder: that the problem file will be in.
+
+        Raises:
+            InputError: it cannot be read.
+        """
+        file = resolve(entry, Path(), {})
+        try:
+            file = file.resolve()
+            tree = read_tree(file)
+        except InputError as error:
+            raise InputError(error.message, file=error.file or entry) from None
+        except (OSError, ValueError, RuntimeError) as error:
+            raise InputError(f"is no usable path: {error}", file=entry) from None
+        urdf = entry if "://" in entry else _relative(file, folder)
+        return cls(urdf, file.stem, Robot(tree, {}), srdf_tips(file, tree.name))
+
+
+def _relative(file: Path, folder: Path) -> str:
+    try:
+        return Path(os.path.relpath(file, folder.resolve())).as_posix()
+    except ValueError:
+        # Another drive.
+        return str(file)
+
+
+def named_arms(robots: Sequence[RobotEntry], tips: Sequence[str]) -> list[NamedArm]:
+    """The arms of all robots and what they are called.
+
+    Args:
+        robots: in order.
+        tips: ``link`` or ``name=link``; a robot that has none of them is searched for arms.
+
+    Raises:
+        InputError: a robot without arms, or a tip that no robot has.
+    """
+    asked: list[list[tuple[str, str]]] = [[] for _ in robots]
+    for entry in tips:
+        name, _, link = entry.rpartition("=")
+        having = [k for k, each in enumerate(robots) if link in each.robot.tree.links]
+        if not having:
+            every = [known for each in robots for known in each.robot.tree.links]
+            raise InputError(
+                f"{link!r} is no link of the robots{nearest(link, every)}", key="--tip"
+            )
+        if name:
+            default = (
+                _SIDES.index(name) if name in _SIDES[: len(robots)] and len(robots) == 2 else -1
+            )
+            mine = default if default in having else min(having, key=lambda k: len(asked[k]))
+            asked[mine].append((name, link))
+        else:
+            for k in having:
+                asked[k].append(("", link))
+    arms: list[NamedArm] = []
+    for k, each in enumerate(robots):
+        tree = each.robot.tree
+        if asked[k]:
+            links = [link for _, link in asked[k]]
+            chains = [chain_to(tree, link, links) for link in links]
+        else:
+            chains = find_chains(tree, each.named)
+        if not chains:
+            raise InputError(
+                "has no arm that is found; name the link that grasps by --tip LINK",
+                file=each.urdf,
+            )
+        names = [name for name, _ in asked[k]] or [""] * len(chains)
+        arms += [NamedArm(name, k, chain) for name, chain in zip(names, chains, strict=True)]
+    return _distinct(arms, len(robots))
+
+
+_SIDES = ("left", "right")
+
+
+def _distinct(arms: Sequence[NamedArm], robots: int) -> list[NamedArm]:
+    """Arms with names of their own: those asked for, sides, else the tips' or a number."""
+    alone = robots == len(arms)
+    found: list[NamedArm] = []
+    for i, arm in enumerate(arms):
+        name = arm.name
+        if not name and alone and robots > 1:
+            name = _SIDES[i] if robots == 2 else f"arm{i + 1}"
+        if not name:
+            mates = [other for other in arms if other.robot == arm.robot]
+            sided = sum(other.chain.side == arm.chain.side for other in mates) == 1
+            name = arm.chain.side if arm.chain.side and sided else arm.chain.tip
+            name += str(arm.robot + 1) if robots > 1 else ""
+        found.append(replace(arm, name=name))
+    names = [arm.name for arm in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(
+                f"two arms are called {name!r}; give each a name of its own, --tip NAME=LINK",
+                key="--tip",
+            )
+    return found
