@@ -18,6 +18,7 @@ from copose.cli import main
 from copose.robots.paths import EXAMPLES, resolve
 from copose.robots.urdf_tree import read_tree
 from copose.setup.chains import chain_to, find_chains
+from copose.setup.text import ProblemText
 
 FOLDER = resolve(PANDA, Path(), {}).parents[2]
 UR5 = f"{EXAMPLES}ur_description/urdf/ur5_robot.urdf"
@@ -103,7 +104,7 @@ def test_two_pandas_face_each_other_across_what_they_hold(here: Path, capsys) ->
             problem.object.shape.size[0] / 2, abs=0.02
         )
     # Every guess is told, and stands under a comment.
-    guesses = re.findall(r"^  (?:(\w+): )?(\w+): ", out, re.M)
+    guesses = re.findall(r"^  (?:(\w+): )?(\w+)(?: = |: )", out, re.M)
     lines = text.splitlines()
     commented = [after.split(" ")[0] for line, after in itertools.pairwise(lines)
                  if line.startswith("# guessed: ")]  # fmt: skip
@@ -172,6 +173,13 @@ def test_arms_of_few_joints_hold_by_ball_joints(here: Path) -> None:
     problem = copose.load("p.toml")
     assert problem.task.space == "spatial-linear"
     assert all(start.closed for start in copose.check(problem).starts)
+
+
+def test_nothing_in_a_name_ends_a_comment() -> None:
+    text = ProblemText()
+    text.put("tip", "a\nb = 1", "a\nb = 1\x85c = 2", "\r[d]")
+    text.remark("joints: e\n[f]")
+    assert tomllib.loads(text.text) == {"tip": "a\nb = 1"}
 
 
 WRONG = [

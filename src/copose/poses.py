@@ -13,7 +13,7 @@ Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 Indices: TypeAlias = NDArray[np.intp]
 
-# Pitches that are so near to ±90° count as if they were, rad.
+# Angles that are so near to ±90°, or to −180°, count as if they were, rad.
 _UPRIGHT = 1e-6
 
 
@@ -115,14 +115,14 @@ class Pose:
 
     @property
     def plain_rpy(self) -> Array:
-        """The same, (3,), with yaw 0 at pitches of ±90°, where only roll ∓ yaw is known: equal
-        frames have equal numbers.
+        """The same, (3,), with yaw 0 at pitches of ±90°, where only roll ∓ yaw is known, and π in
+        place of −π: equal frames have equal numbers.
         """
         roll, pitch, yaw = self.rpy
-        if abs(abs(pitch) - np.pi / 2) > _UPRIGHT:
-            return np.array([roll, pitch, yaw])
-        roll -= np.copysign(1.0, pitch) * yaw
-        return np.array([np.pi - np.mod(np.pi - roll, 2 * np.pi), pitch, 0.0])
+        if abs(abs(pitch) - np.pi / 2) <= _UPRIGHT:
+            roll, yaw = roll - np.copysign(1.0, pitch) * yaw, 0.0
+        angles = np.pi - np.mod(np.pi - np.array([roll, pitch, yaw]), 2 * np.pi)
+        return np.where(angles < _UPRIGHT - np.pi, angles + 2 * np.pi, angles)
 
     def __matmul__(self, other: Pose) -> Pose:
         return Pose.make(

@@ -245,9 +245,9 @@ def _tip(
         if joint.parent in body and joint.kind == "fixed":
             body.append(joint.child)
     hands = [joint.parent for joint in tree.order if joint.parent in body and joint.kind in MOVABLE]
-    for link in body:
+    for link in reversed(body):
         if link in named:
-            return link, "the SRDF's"
+            return link, "as the SRDF names it"
     fit = [link for link in body if not _NO_TIP.intersection(words(link))] or body
     for link in fit:
         if _TIPS[0].intersection(words(link)):

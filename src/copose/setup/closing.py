@@ -17,6 +17,8 @@ from copose.setup.layout import Place
 
 # Random postures that are closed at every place, and at the chosen one.
 _FEW, _MANY = 48, 512
+# So many of the few are enough for a place.
+_ENOUGH = 30
 # Steps in which a posture has to come so near, m or rad, to count at a place.
 _STEPS, _NEAR = 20, 1e-6
 # Turns of a hand about its approach: quarters, and where they do not do, eighths.
@@ -42,7 +44,8 @@ def choose(
     cell: Cell, kernels: Sequence[ArmKernels], hands: Sequence[Hand], options: Sequence[Place],
     size: Array,
 ) -> Holding:  # fmt: skip
-    """The place and the grasps at which the arm that closes least often does so most often.
+    """The place and the grasps at which the arm that closes least often does so most often; the
+    first at which it does so often enough.
 
     Args:
         cell: with the arms on their bases.
@@ -67,7 +70,9 @@ def choose(
             rank = sum(count > 0 for count in counts), min(counts)
             if rank > best:
                 best, object_pose, grasps = rank, here, chosen
-        if min(best) > 0 and best[0] == len(hands):
+            if min(counts) >= _ENOUGH:
+                break
+        if best[0] == len(hands):
             break
     starts = [
         _roomiest(cell, i, *_closed(cell, kernels[i], i, _drawn(cell, i, _MANY), object_pose, [at]))

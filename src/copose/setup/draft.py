@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
@@ -71,13 +72,14 @@ class Draft:
 
 
 def default_name(robots: Sequence[str]) -> str:
-    """What a problem of some robots is called: ``baxter``, ``two-panda``, ``panda-xarm7``."""
+    """What a problem of some robots is called: ``baxter``, ``two-panda``, ``panda-ur5``."""
     stems = [Path(robot).stem for robot in robots]
     if len(stems) > 1 and len({*stems}) == 1:
         return f"{_COUNTS.get(len(stems), len(stems))}-{stems[0]}"
-    return "-".join(stems)
+    return "-".join(stems)[:_LONGEST_NAME]
 
 
+_LONGEST_NAME = 60
 _COUNTS = {2: "two", 3: "three", 4: "four"}
 
 
@@ -123,8 +125,6 @@ def draft(robots: Sequence[str], file: Path, wishes: Wishes) -> Draft:
         holding = choose(placed, _kernels(cell), hands, options, size)
     file_text = _Writer(entries, arms, standing, hands, holding, stands, by_robot)
     text = file_text.write(cell, wishes, default_name(robots), size, shortest, taught is not None)
-    import tomllib
-
     problem = parse(tomllib.loads(text.text), source=file)
     return Draft(text.text, tuple(text.guesses), starts(Cell.of(problem)))
 
@@ -291,7 +291,7 @@ class _Writer:
         mass = wishes.mass
         guess = ""
         if mass is None:
-            mass, guess = (_MASS if shortest > _LONG else _LIGHT), "so many kg"
+            mass, guess = (_MASS if shortest > _LONG else _LIGHT), "a light load, kg"
         text.put("mass", mass, guess, "what your object weighs")
         inertia = [number(mass * (size @ size - edge**2) / 12, 9) for edge in size]
         text.put("inertia", inertia, "of a solid box, kg·m², about the centre of mass")
@@ -314,7 +314,7 @@ class _Writer:
             text.put("root", arm.chain.root, "what is above it cannot be held still")
         asked = arm.chain.why == "as asked"
         text.put(
-            "tip", arm.chain.tip, "" if asked else f"{arm.chain.tip}, {arm.chain.why}",
+            "tip", arm.chain.tip, "" if asked else arm.chain.why,
             "the link that grasps",
         )  # fmt: skip
         if arm.chain.locked:

@@ -8,10 +8,18 @@ from dataclasses import dataclass, field
 
 from copose.poses import Pose
 
+# Letters of a value that is told beside its key.
+_SHOWN = 60
+
 
 def number(value: float, digits: int = 12) -> float:
     """A number without the last digits, and without a sign on zero."""
     return round(float(value), digits) + 0.0
+
+
+def plain_line(text: str) -> str:
+    """Text in which nothing ends the line: names of a robot's file may hold anything."""
+    return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
 def placement(pose: Pose) -> dict[str, list[float]]:
@@ -56,7 +64,7 @@ class ProblemText:
 
     def remark(self, *lines: str) -> None:
         """Comment lines."""
-        self.lines += [f"# {line}" for line in lines]
+        self.lines += [f"# {plain_line(line)}" for line in lines]
 
     def table(self, header: str, arm: str = "") -> None:
         """Begin a table; of an arm with its name."""
@@ -66,8 +74,9 @@ class ProblemText:
     def put(self, key: str, value: object, guess: str = "", change: str = "") -> None:
         """A key, and where it was guessed, how, and what to change."""
         if guess:
-            self.guesses.append(f"{self._arm}{key}: {guess}")
-            self.lines.append("# guessed: " + "; ".join(filter(None, (guess, change))))
+            told = key if len(toml(value)) > _SHOWN else f"{key} = {toml(value)}"
+            self.guesses.append(f"{self._arm}{told}: {guess}")
+            self.remark("guessed: " + "; ".join(filter(None, (guess, change))))
         self.lines.append(f"{key} = {toml(value)}")
 
     @property
