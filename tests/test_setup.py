@@ -13,11 +13,15 @@ import pinocchio as pin
 import pytest
 
 import copose
-from cells import PANDA
+from cells import PANDA, two_pandas
 from copose.cli import main
+from copose.collision.urdf_geometry import LinkShapes
+from copose.robots import load_arms
 from copose.robots.paths import EXAMPLES, resolve
 from copose.robots.urdf_tree import read_tree
 from copose.setup.chains import chain_to, find_chains
+from copose.setup.hands import Hand, toward
+from copose.setup.robots import RobotEntry
 from copose.setup.text import ProblemText
 
 FOLDER = resolve(PANDA, Path(), {}).parents[2]
@@ -74,6 +78,35 @@ def test_what_arms_share_is_locked_within_its_range() -> None:
             again = chain_to(tree, chain.tip, [other.tip for other in chains])
             assert {joint.name for joint, *_ in again.locked} == {*shared}
             assert [j.name for j in again.joints] == [j.name for j in chain.joints]
+
+
+HANDS = [
+    (PANDA, "panda_hand", "+z"),
+    (UR5, "tool0", "+z"),
+    (UR5, "ee_link", "+x"),
+    (UR5, "wrist_3_link", "+y"),
+    (f"{EXAMPLES}xarm_description/urdf/xarm7.urdf", "link_eef", "+z"),
+]
+
+
+@pytest.mark.parametrize(("urdf", "tip", "axis"), HANDS)
+def test_hands_approach_as_their_makers_say(urdf: str, tip: str, axis: str) -> None:
+    entry = RobotEntry.of(urdf, Path())
+    cell = two_pandas()
+    cell["arms"] = [{"name": "a", "urdf": urdf, "tip": tip, "grasp": {"position": [0, 0, 0]}}]
+    (arm,) = load_arms(copose.parse(cell))
+    hand = Hand.of(entry.robot, LinkShapes.of(entry.robot), arm, {})
+    assert hand.name == axis and not hand.guess
+    if tip == "panda_hand":
+        # The maker's point between the fingertips is 0.1034 m ahead, a centimetre before their end.
+        assert hand.reach == pytest.approx(0.1034, abs=0.015)
+    for direction in (np.array([1.0, 0, 0]), np.array([0, 0, -1.0]), np.array([0.6, 0.0, 0.8])):
+        frames = [toward(hand, direction, roll).rotation for roll in (0.0, 0.7)]
+        for R in frames:
+            np.testing.assert_allclose(R @ hand.axis, direction, atol=1e-12)
+            np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-12)
+            assert np.linalg.det(R) == pytest.approx(1)
+        assert np.linalg.norm(pin.log3(frames[0].T @ frames[1])) == pytest.approx(0.7)
 
 
 def test_two_pandas_face_each_other_across_what_they_hold(here: Path, capsys) -> None:

@@ -21,6 +21,8 @@ _FEW, _MANY = 48, 512
 _ENOUGH = 30
 # Steps in which a posture has to come so near, m or rad, to count at a place.
 _STEPS, _NEAR = 20, 1e-6
+# Steps in which a posture has to come so near, m or rad, to count at a place.
+_STEPS, _NEAR = 20, 1e-6
 # Turns of a hand about its approach: quarters, and where they do not do, eighths.
 _QUARTERS, _EIGHTHS = 4, 8
 
@@ -41,8 +43,8 @@ class Holding:
 
 
 def choose(
-    cell: Cell, kernels: Sequence[ArmKernels], hands: Sequence[Hand], options: Sequence[Place],
-    size: Array,
+    cell: Cell, kernels: Sequence[ArmKernels], hands: Sequence[Hand],
+    groups: Sequence[Sequence[Place]], size: Array,
 ) -> Holding:  # fmt: skip
     """The place and the grasps at which the arm that closes least often does so most often; the
     first at which it does so often enough.
@@ -51,18 +53,18 @@ def choose(
         cell: with the arms on their bases.
         kernels: by arm.
         hands: alike.
-        options: where the object may be.
+        groups: where the object may be; of the first group in which all arms close.
         size: of the box that is held, m, (3,).
     """
     drawn = [_drawn(cell, i, _FEW) for i in range(len(cell.arms))]
     best: tuple[int, int] = (-1, -1)
     object_pose, grasps = Pose.from_rpy(), [Pose.from_rpy()] * len(hands)
-    for rolls in (_QUARTERS, _EIGHTHS):
-        for option in options:
-            here = Pose.from_rpy(np.round(option.position, 3) + 0.0)
+    for group in groups:
+        for place in group:
+            here = Pose.from_rpy(np.round(place.position, 3) + 0.0)
             counts, chosen = [], []
             for i, hand in enumerate(hands):
-                offered = _grasps(cell, i, hand, option.sides, size, rolls)
+                offered = _grasps(cell, hand, place.sides[i], place.leans[i], size)
                 closed = _closed(cell, kernels[i], i, drawn[i], here, offered, _NEAR)
                 number = [len(q) for q in closed]
                 counts.append(max(number))
@@ -86,24 +88,14 @@ def _drawn(cell: Cell, i: int, count: int) -> Array:
     return np.random.default_rng([0, i]).uniform(low, high, (count, len(low)))
 
 
-def _grasps(
-    cell: Cell, i: int, hand: Hand, sides: Sequence[Array], size: Array, turns: int
-) -> list[Pose]:
-    """Grasps at the face of a box that is on an arm's side, the hand turned about its approach.
-
-    Arms that come from one side stand beside each other on it.
-    """
-    side = sides[i]
-    k = int(np.abs(side).argmax())
-    mates = [j for j, other in enumerate(sides) if float(other @ side) > 0.9]
-    along = np.cross(np.array([0.0, 0.0, 1.0]), side) if k < 2 else np.array([0.0, 1.0, 0.0])
-    offset = (mates.index(i) - (len(mates) - 1) / 2) * 0.5 * float(size[1 if k == 0 else 0])
-    position = (size[k] / 2 / abs(side[k]) + hand.reach) * side + offset * along
+def _grasps(cell: Cell, hand: Hand, side: Array, lean: Array, size: Array) -> list[Pose]:
+    """Grasps at the face of a box on one side, the hand turned about its approach by quarters."""
+    k, across = int(np.abs(side).argmax()), int(np.abs(lean).argmax())
+    position = (size[k] / 2 / abs(side[k]) + hand.reach) * side + size[across] / 4 * lean
     position = np.round(position, 4) + 0.0
-    rolls = np.arange(turns if cell.problem.space.rigid else 1) * 2 * np.pi / turns
     found = []
-    for roll in rolls:
-        turned = toward(hand, -side, float(roll))
+    for quarter in range(4 if cell.problem.space.rigid else 1):
+        turned = toward(hand, -side, quarter * np.pi / 2)
         found.append(Pose.make(position, turned.rotation, turned.quaternion))
     return found
 

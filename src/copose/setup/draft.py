@@ -98,7 +98,7 @@ def draft(robots: Sequence[str], file: Path, wishes: Wishes) -> Draft:
     entries = [RobotEntry.of(robot, file.parent) for robot in robots]
     arms = named_arms(entries, wishes.tips)
     space = wishes.space or _space(arms)
-    cell = _cell(entries, arms, space, file, {})
+    cell = _cell(entries, arms, space, file)
     taught = _taught(cell, wishes.joints)
     shapes = {k: LinkShapes.of(entry.robot, measured=True) for k, entry in enumerate(entries)}
     hands = [
@@ -121,12 +121,23 @@ def draft(robots: Sequence[str], file: Path, wishes: Wishes) -> Draft:
     else:
         stage("choosing grasps")
         placed = cell.with_places(cell.problem, standing)
-        options = places(stands, by_robot)
-        holding = choose(placed, _kernels(cell), hands, options, size)
+        holding = choose(placed, _kernels(cell), hands, places(stands, by_robot), size)
     file_text = _Writer(entries, arms, standing, hands, holding, stands, by_robot)
     text = file_text.write(cell, wishes, default_name(robots), size, shortest, taught is not None)
-    problem = parse(tomllib.loads(text.text), source=file)
-    return Draft(text.text, tuple(text.guesses), starts(Cell.of(problem)))
+    made = _read(tomllib.loads(text.text), file)
+    return Draft(text.text, tuple(text.guesses), starts(made))
+
+
+def _read(tables: Mapping[str, Any], file: Path) -> Cell:
+    """A problem file that is not there yet.
+
+    Raises:
+        InputError: as for a file, which it does not name.
+    """
+    try:
+        return Cell.of(parse(tables, source=file))
+    except InputError as error:
+        raise InputError(error.message, key=error.key) from None
 
 
 def _space(arms: Sequence[NamedArm]) -> str:
@@ -146,10 +157,7 @@ def _locked(arm: NamedArm) -> dict[str, float]:
     return {joint.name: position for joint, position, _ in arm.chain.locked}
 
 
-def _cell(
-    entries: Sequence[RobotEntry], arms: Sequence[NamedArm], space: str, file: Path,
-    objective: Mapping[str, str],
-) -> Cell:  # fmt: skip
+def _cell(entries: Sequence[RobotEntry], arms: Sequence[NamedArm], space: str, file: Path) -> Cell:
     """The arms, apart from each other so that none clashes, with nothing placed yet."""
     tables: list[dict[str, Any]] = []
     for arm in arms:
@@ -165,23 +173,19 @@ def _cell(
                 "grasp": {"position": [0.0, 0.0, 0.0]},
             }
         )
-    problem = parse(
+    cell = _read(
         {
             "format": 1,
             "name": "draft",
             "task": {"space": space},
             "object": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0], "position": [0.0, 0.0, 0.0]},
-            "objective": {"kind": "velocity-volume"} | dict(objective),
+            "objective": {"kind": "velocity-volume"},
             "arms": tables,
         },
-        source=file,
+        file,
     )
-    try:
-        cell = Cell.of(problem)
-    except InputError as error:
-        raise InputError(error.message, key=error.key) from None
     at_origin = tuple(replace(arm, base=Pose.from_rpy()) for arm in cell.arms)
-    return cell.with_places(problem, at_origin)
+    return cell.with_places(cell.problem, at_origin)
 
 
 def _kernels(cell: Cell) -> list[ArmKernels]:

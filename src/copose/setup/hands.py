@@ -60,10 +60,16 @@ class Hand:
                 points += [corners + radius * np.eye(3)[k] * s for k in range(3) for s in (1, -1)]
         to_tip = arm.tip.inverse()
         hand = np.vstack(points) @ to_tip.rotation.T + to_tip.position
-        wrist = _wrist(arm)
-        way = -wrist
-        if len(hand):
-            way = way + (hand.min(axis=0) + hand.max(axis=0)) / 2 - wrist
+        wrist = to_tip.position
+        middle = (hand.min(axis=0) + hand.max(axis=0)) / 2 if len(hand) else wrist
+        way = middle - 2 * wrist
+        if float(np.linalg.norm(wrist)) < _NO_WAY:
+            # Flanges bear the last joint's own origin: they face along its axis, away from the
+            # joint before, or where that is level with it, to where the hand is.
+            spin = to_tip.rotation @ arm.joints[-1].axis
+            before = (to_tip @ arm.joints[-1].placement.inverse()).position
+            ahead = -float(before @ spin) if len(arm.joints) > 1 else 0.0
+            way = spin * (ahead if abs(ahead) > _NO_WAY else float(middle @ spin))
         k = int(np.abs(way).argmax())
         axis = np.zeros(3)
         axis[k] = np.sign(way[k])
@@ -72,17 +78,6 @@ class Hand:
             axis = np.array([0.0, 0.0, 1.0])
         reach = float((hand @ axis).max()) if len(hand) else 0.0
         return cls(axis, round(min(max(reach, 0.0), _LONGEST), 3), guess)
-
-
-def _wrist(arm: Arm) -> Array:
-    """The nearest joint's origin that is not the tip itself, in the tip's frame, (3,)."""
-    pose = arm.tip
-    for joint in reversed(arm.joints):
-        origin = pose.inverse().position
-        if float(np.linalg.norm(origin)) > _NO_WAY:
-            return origin
-        pose = joint.placement @ pose
-    return np.zeros(3)
 
 
 def toward(hand: Hand, direction: Array, roll: float) -> Pose:

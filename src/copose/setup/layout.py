@@ -19,6 +19,7 @@ _POSTURES = 200
 _HEIGHTS = (0.3, 0.0, 0.15, 0.5, -0.2, -0.4)
 _AHEAD = (0.5, 0.4, 0.6, 0.3, 0.7)
 _LEVELS = (-0.2, 0.0, -0.4, 0.2)
+_UP, _NOWHERE = np.array([0.0, 0.0, 1.0]), np.zeros(3)
 # A mean way that tells where a robot's front is, as a part of its reach.
 _TELLING = 0.1
 
@@ -50,10 +51,18 @@ class Reach:
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """An object's position and, by arm, the direction from it to the side that the arm takes."""
+    """Where an object may be, and how arms come to it.
+
+    Attributes:
+        position: of the object, m, (3,).
+        sides: by arm, the direction from the object to the side that the arm takes.
+        leans: by arm, the direction on that side in which it stays off its middle; zero of one
+            that has it for itself.
+    """
 
     position: Array
     sides: tuple[Array, ...]
+    leans: tuple[Array, ...]
 
 
 def bases(reaches: Sequence[Sequence[Reach]]) -> list[Pose]:
@@ -99,8 +108,8 @@ def _distance(reaches: Sequence[Reach]) -> float:
     return round(APART * length + ahead, 2)
 
 
-def places(stands: Sequence[Pose], reaches: Sequence[Sequence[Reach]]) -> list[Place]:
-    """Where the object may be, and from which sides the arms come, the likeliest first.
+def places(stands: Sequence[Pose], reaches: Sequence[Sequence[Reach]]) -> list[list[Place]]:
+    """Where the object may be, in groups: the next is for arms that close nowhere in one.
 
     Args:
         stands: T_world_root by robot.
@@ -113,31 +122,39 @@ def places(stands: Sequence[Pose], reaches: Sequence[Sequence[Reach]]) -> list[P
     every = np.array([shoulder for mine in shoulders for shoulder in mine])
     shortest = min(reach.length for mine in reaches for reach in mine)
     middle = every.mean(axis=0)
-    if len(stands) > 1:
-        found = []
-        center = stands[0].rotation @ forward(reaches[0]) * _distance(reaches[0])
-        for height in _HEIGHTS:
-            position = np.array([*center[:2], middle[2] + height * shortest])
-            sides = []
-            for stand, mine in zip(stands, shoulders, strict=True):
-                back = stand.position - position
-                back[2] = 0.0
-                back /= np.linalg.norm(back)
-                sides += [back if len(mine) == 1 else _beside(s, mine) for s in mine]
-            found.append(Place(position, tuple(sides)))
-        return found
-    ahead = forward(reaches[0])
-    found = []
-    for sense in (1.0, -1.0):
-        for level in _LEVELS:
-            for far in _AHEAD:
-                position = middle + shortest * (sense * far * ahead + level * np.eye(3)[2])
-                if len(every) > 1:
-                    found.append(Place(position, tuple(_beside(s, every) for s in every)))
-                else:
-                    # One arm alone comes from its own side, or from above.
-                    found += [Place(position, (side,)) for side in (-sense * ahead, np.eye(3)[2])]
-    return found
+    if len(stands) == 1:
+        return _in_front(middle, every, shortest, forward(reaches[0]))
+    center = stands[0].rotation @ forward(reaches[0]) * _distance(reaches[0])
+    backs, sides, leans = [], [], []
+    for stand, mine in zip(stands, shoulders, strict=True):
+        back = (stand.position - center) * [1, 1, 0]
+        back /= np.linalg.norm(back)
+        alone = len(mine) == 1
+        backs += [back] * len(mine)
+        sides += [back if alone else _beside(shoulder, mine) for shoulder in mine]
+        leans += [_NOWHERE if alone else back] * len(mine)
+    heights = [np.array([*center[:2], middle[2] + height * shortest]) for height in _HEIGHTS]
+    return [
+        [Place(position, tuple(sides), tuple(leans)) for position in heights],
+        [Place(position, (_UP,) * len(every), tuple(backs)) for position in heights],
+    ]
+
+
+def _in_front(middle: Array, shoulders: Array, shortest: float, ahead: Array) -> list[list[Place]]:
+    """Places of one robot: its arms come from both sides, or side by side from their own; one arm
+    alone from its own side, or from above. Last of all behind it.
+    """
+    lateral = tuple(_beside(shoulder, shoulders) for shoulder in shoulders)
+    none, alone = (_NOWHERE,) * len(shoulders), len(shoulders) == 1
+    groups = []
+    for front in (ahead, -ahead):
+        where = [
+            middle + shortest * (far * front + level * _UP) for level in _LEVELS for far in _AHEAD
+        ]
+        near = (-front,) * len(shoulders)
+        ways = [(near, none), ((_UP,), none)] if alone else [(lateral, none), (near, lateral)]
+        groups += [[Place(at, sides, leans) for at in where] for sides, leans in ways]
+    return groups
 
 
 def _beside(shoulder: Array, shoulders: Sequence[Array] | Array) -> Array:
