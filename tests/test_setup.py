@@ -21,7 +21,7 @@ from copose.robots.paths import EXAMPLES, resolve
 from copose.robots.urdf_tree import read_tree
 from copose.setup.chains import chain_to, find_chains
 from copose.setup.hands import Hand, toward
-from copose.setup.robots import RobotEntry
+from copose.setup.robots import RobotEntry, named_arms
 from copose.setup.text import ProblemText
 
 FOLDER = resolve(PANDA, Path(), {}).parents[2]
@@ -78,6 +78,26 @@ def test_what_arms_share_is_locked_within_its_range() -> None:
             again = chain_to(tree, chain.tip, [other.tip for other in chains])
             assert {joint.name for joint, *_ in again.locked} == {*shared}
             assert [j.name for j in again.joints] == [j.name for j in chain.joints]
+
+
+def test_an_srdf_beside_a_robot_names_its_tips(here: Path) -> None:
+    shutil.copy(resolve(PANDA, Path(), {}), here / "panda.urdf")
+
+    def tip() -> str:
+        (arm,) = named_arms([RobotEntry.of("panda.urdf", here)], [])
+        return arm.chain.tip
+
+    assert tip() == "panda_hand_tcp"
+    text = '<robot name="{}"><group name="arm"><chain base_link="b" tip_link="{}"/></group></robot>'
+    for robot, link, found in (
+        ("panda", "panda_link8", "panda_link8"),
+        ("another", "panda_link8", "panda_hand_tcp"),
+        ("panda", "panda_link3", "panda_hand_tcp"),
+    ):
+        (here / "p.srdf").write_text(text.format(robot, link))
+        assert tip() == found
+    (here / "p.srdf").write_text("<robot")
+    assert tip() == "panda_hand_tcp"
 
 
 HANDS = [
