@@ -44,7 +44,7 @@ def command(*arguments: str, here: Path) -> tuple[int, float, str]:
 def row(name: str, folder: Path) -> list[str] | None:
     """Robot, arms, exits and seconds of both commands, closed or not; None without arms."""
     try:
-        arms = find_chains(read_tree(FOLDER / name))
+        arms = find_chains(read_tree(FOLDER / name, {}, {}))
     except InputError as error:
         return [name, "", "2", "", "", "", "no", error.message]
     if not arms:

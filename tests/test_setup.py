@@ -58,7 +58,7 @@ ARMS = {
 
 @pytest.mark.parametrize("file", ARMS)
 def test_arms_are_found_and_nothing_else(file: str) -> None:
-    found = find_chains(read_tree(FOLDER / file))
+    found = find_chains(read_tree(FOLDER / file, {}, {}))
     joints = {chain.tip: [joint.name for joint in chain.joints] for chain in found}
     assert joints == ARMS[file]
     assert [chain.side for chain in found] == (
@@ -71,7 +71,7 @@ def test_what_arms_share_is_locked_within_its_range() -> None:
         (TALOS, {"torso_1_joint": 0.0, "torso_2_joint": 0.0}),
         ("tiago_description/robots/tiago_dual.urdf", {"torso_lift_joint": 0.175}),
     ):
-        tree = read_tree(FOLDER / file)
+        tree = read_tree(FOLDER / file, {}, {})
         chains = find_chains(tree)
         for chain in chains:
             assert {joint.name: at for joint, at, _ in chain.locked} == shared
@@ -134,6 +134,7 @@ def test_two_pandas_face_each_other_across_what_they_hold(here: Path, capsys) ->
     out, err = capsys.readouterr()
     assert "written to two-panda.toml" in out and err == ""
     text = (here / "two-panda.toml").read_text()
+    assert Path(re.match(r"#:schema (.*)", text)[1]).is_file()
     problem = copose.load("two-panda.toml")
     left, right = problem.arms
     assert (left.name, right.name) == ("left", "right")

@@ -12,7 +12,6 @@ import pytest
 import copose
 from cells import PANDA, planar, tables, toml
 from copose.cli import main
-from copose.problem import load
 from copose.report.start_figure import start_figure
 from copose.robots.paths import resolve
 
@@ -83,7 +82,7 @@ def test_check_tells_by_how_much_each_arm_misses(here: Path, capsys) -> None:
     assert main(["check", "p.toml"]) == 0
     out = " ".join(capsys.readouterr().out.split())
     missed = re.search(r"arm 'a2' .*misses by (\S+) m", out)
-    starts = {start.arm.name: start for start in copose.check(load("p.toml")).starts}
+    starts = {start.arm.name: start for start in copose.check(copose.load("p.toml")).starts}
     assert float(missed[1]) == pytest.approx(starts["a2"].gap, rel=1e-2) and float(missed[1]) > 0.5
     for words in ("a1: tip", "a2: grasp", "world", "object", "angle, rad"):
         assert words in out
@@ -98,7 +97,7 @@ def test_check_draws_bodies_and_frames(here: Path, capsys) -> None:
     ):
         assert main(["check", f"{name}.toml", "--figure", f"{name}.png"]) == 0
         assert (here / f"{name}.png").read_bytes().startswith(b"\x89PNG")
-        problem = load(f"{name}.toml")
+        problem = copose.load(f"{name}.toml")
         (ax,) = start_figure(problem, copose.check(problem).starts).axes
         assert {text.get_text() for text in ax.texts} == named
         if name == "pandas":

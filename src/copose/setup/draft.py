@@ -19,7 +19,7 @@ from copose.planning.arm_kernels import ArmKernels
 from copose.planning.cell import Cell
 from copose.planning.starts import starts
 from copose.poses import Array, Pose
-from copose.problem import parse
+from copose.problem import SCHEMA, parse
 from copose.progress import stage
 from copose.robots import Arm, ArmStart
 from copose.setup.chains import FEWEST
@@ -27,7 +27,7 @@ from copose.setup.closing import Holding, choose
 from copose.setup.hands import Hand
 from copose.setup.layout import APART, Reach, bases, places
 from copose.setup.robots import NamedArm, RobotEntry, named_arms
-from copose.setup.text import ProblemText, number, placement
+from copose.setup.text import ProblemText, number, placement, plain_line
 
 # Joints that holding the object's orientation takes.
 _RIGID = 6
@@ -257,6 +257,7 @@ class _Writer:
     ) -> ProblemText:
         """The file, line by line."""
         text = ProblemText()
+        text.lines.append(f"#:schema {plain_line(str(SCHEMA))}")
         text.remark(
             'Made by copose init. What stands under a line that begins with "guessed" is yours to',
             "change; copose check FILE --figure FILE.png shows where everything is.",

@@ -60,7 +60,7 @@ class RobotEntry:
         file = resolve(entry, Path(), {})
         try:
             file = file.resolve()
-            tree = read_tree(file)
+            tree = read_tree(file, {}, {})
         except InputError as error:
             raise InputError(error.message, file=error.file or entry) from None
         except (OSError, ValueError, RuntimeError) as error:
