@@ -1,12 +1,18 @@
-"""What takes up room: solids, the capsules around them, and which may not touch."""
+"""What takes up room: solids, which of them may not touch, and how near they come."""
 
-from copose.collision.capsules import Capsule, around_hull, around_surface
-from copose.collision.carriers import Carrier, Placements, carrier_poses, carriers_of
-from copose.collision.scene import Nearest, Scene
+from copose.collision.bodies import Bodies, Nearest, Witness
+from copose.collision.carriers import (
+    Carrier,
+    Placements,
+    carrier_poses,
+    carriers_of,
+    configurations,
+)
+from copose.collision.scene import Scene
 from copose.collision.solids import Mesh, Part, Primitive, Solid
 
 __all__ = [
-    "Capsule",
+    "Bodies",
     "Carrier",
     "Mesh",
     "Nearest",
@@ -15,8 +21,8 @@ __all__ = [
     "Primitive",
     "Scene",
     "Solid",
-    "around_hull",
-    "around_surface",
+    "Witness",
     "carrier_poses",
     "carriers_of",
+    "configurations",
 ]

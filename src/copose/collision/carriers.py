@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from copose.poses import Array, Pose
+from copose.poses import Array, Pose, rotation_rows
 from copose.robots import Arm, Joint
+
+# Numbers of a pose in a configuration: position and quaternion [x, y, z, w].
+POSE = 7
 
 
 @dataclass(frozen=True)
@@ -50,45 +52,82 @@ class Placements:
     """Placements of all carriers in the world, in the order of `carriers_of`.
 
     Attributes:
-        rotations: R_world_carrier, shape (c, 3, 3).
-        positions: origins in the world, m, shape (c, 3).
+        rotations: R_world_carrier, shape (..., c, 3, 3).
+        positions: origins in the world, m, shape (..., c, 3).
     """
 
     rotations: Array
     positions: Array
 
+    def __getitem__(self, row: int) -> Placements:
+        return Placements(self.rotations[row], self.positions[row])
 
-def carrier_poses(
-    arms: Sequence[Arm], bases: Sequence[Pose], q: Sequence[ArrayLike], object_pose: Pose
-) -> Placements:
-    """T_world_root ∏ placement_j · motion_j(q_j): where every carrier is.
+
+def configurations(
+    arms: Sequence[Arm],
+    bases: Sequence[Pose],
+    q: Sequence[Array | None],
+    objects: Pose | Sequence[Pose],
+) -> Array:
+    """Where everything is, one row each, (count, size): the object's pose, then of every arm its
+    root's pose and its joints.
 
     Args:
         arms: the arms.
-        bases: T_world_root of each; `Arm.base` where bases are not free.
-        q: joint positions of each, (n,).
-        object_pose: T_world_object.
+        bases: T_world_root of each.
+        q: joint positions of each, (count, n), or (n,) of them; zero for an arm that is None.
+        objects: T_world_object, the same for all or one for each.
     """
-    rotations, positions = [np.eye(3), object_pose.rotation], [np.zeros(3), object_pose.position]
-    for arm, base, joints in zip(arms, bases, q, strict=True):
-        rotation, position = base.rotation, base.position
+    many = [objects] if isinstance(objects, Pose) else list(objects)
+    count = max([len(many), *(len(np.atleast_2d(mine)) for mine in q if mine is not None)])
+    parts = [np.broadcast_to([_numbers(pose) for pose in many], (count, POSE))]
+    for arm, base, mine in zip(arms, bases, q, strict=True):
+        parts.append(np.broadcast_to(_numbers(base), (count, POSE)))
+        joints = np.zeros(arm.n) if mine is None else np.asarray(mine, dtype=float)
+        parts.append(np.broadcast_to(joints, (count, arm.n)))
+    return np.hstack(parts)
+
+
+def carrier_poses(arms: Sequence[Arm], x: Array) -> Placements:
+    """T_world_root ∏ placement_j · motion_j(q_j): where every carrier is, in configurations,
+    (count, size).
+    """
+    count = len(x)
+    rotations = [np.broadcast_to(np.eye(3), (count, 3, 3)), _rotations(x[:, 3:POSE])]
+    positions = [np.zeros((count, 3)), x[:, :3]]
+    first = POSE
+    for arm in arms:
+        position, rotation = x[:, first : first + 3], _rotations(x[:, first + 3 : first + POSE])
+        first += POSE
         rotations.append(rotation)
         positions.append(position)
-        for joint, value in zip(arm.joints, np.asarray(joints, dtype=float), strict=True):
+        for joint, values in zip(arm.joints, x[:, first : first + arm.n].T, strict=True):
             position = rotation @ joint.placement.position + position
             rotation = rotation @ joint.placement.rotation
             if joint.kind == "revolute":
-                rotation = rotation @ _turn(joint, value)
+                rotation = rotation @ _turns(joint, values)
             else:
-                position = position + rotation @ joint.axis * value
+                position = position + rotation @ joint.axis * values[:, None]
             rotations.append(rotation)
             positions.append(position)
-    return Placements(np.array(rotations), np.array(positions))
+        first += arm.n
+    return Placements(np.stack(rotations, axis=1), np.stack(positions, axis=1))
 
 
-def _turn(joint: Joint, angle: float) -> Array:
+def _numbers(pose: Pose) -> Array:
+    w, *xyz = pose.quaternion
+    return np.array([*pose.position, *xyz, w])
+
+
+def _rotations(quaternions: Array) -> Array:
+    x, y, z, w = quaternions.T
+    return np.moveaxis(np.array(rotation_rows([w, x, y, z])), 2, 0)
+
+
+def _turns(joint: Joint, angles: Array) -> Array:
     along = np.outer(joint.axis, joint.axis)
     x, y, z = joint.axis
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turn: Array = along + (np.eye(3) - along) * np.cos(angle) + skew * np.sin(angle)
-    return turn
+    cosines, sines = np.cos(angles)[:, None, None], np.sin(angles)[:, None, None]
+    turns: Array = along + (np.eye(3) - along) * cosines + skew * sines
+    return turns

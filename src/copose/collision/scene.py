@@ -4,43 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from copose.collision.carriers import (
-    OBJECT,
-    WORLD,
-    Carrier,
-    Placements,
-    carrier_poses,
-    carriers_of,
-)
-from copose.collision.distances import Distances
+from copose.collision.bodies import Bodies
+from copose.collision.carriers import OBJECT, WORLD, Carrier, configurations
 from copose.collision.pairs import possible_pairs
 from copose.collision.solids import Part, Primitive, Solid
 from copose.errors import InputError
-from copose.poses import Indices, Mask, Pose
+from copose.poses import Array, Indices, Mask, Pose
 from copose.problem import PlanarArm, Problem
 from copose.robots import Arm, finite_range
 
 # Random postures in which a pair must come near each time to be left out, and their seed.
 _POSTURES = 200
 _SEED = 20
-
-
-@dataclass(frozen=True)
-class Nearest:
-    """The two tested solids that are nearest to each other.
-
-    Attributes:
-        distance: of the original shapes, m; ≤ 0 where they overlap.
-        pair: their names.
-    """
-
-    distance: float
-    pair: tuple[str, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +29,14 @@ class Scene:
     Attributes:
         solids: links of arms and robots, object, obstacles.
         pairs: the two solids of each tested pair, numbers in ``solids``, shape (p, 2).
-        carriers: what moves solids, in the order of `Placements`.
         notes: what the reader should know of shapes.
+        planar: whether it lies in a plane.
     """
 
     solids: tuple[Solid, ...]
     pairs: Indices
-    carriers: tuple[Carrier, ...]
     notes: tuple[str, ...]
+    planar: bool
 
     @classmethod
     def of(cls, problem: Problem, arms: Sequence[Arm]) -> Scene:
@@ -95,58 +74,15 @@ class Scene:
             solids.append(_alone("object", OBJECT, Pose.from_rpy(), problem.object.shape))
         for obstacle in problem.obstacles:
             solids.append(_alone(obstacle.name, WORLD, obstacle.pose, obstacle.shape))
-        carriers = carriers_of(arms)
         pairs = np.reshape(possible_pairs(solids, arms, mounts), (-1, 2)).astype(np.intp)
-        all_pairs = Distances(tuple(solids), pairs, carriers)
-        clearance = problem.constraints.clearance
-        near = _always_near(all_pairs, _random_postures(problem, arms), clearance)
-        return cls(tuple(solids), pairs[np.flatnonzero(~near)], carriers, tuple(notes))
+        planar, clearance = problem.space.planar, problem.constraints.clearance
+        every = Bodies(solids, pairs, arms, clearance, planar=planar)
+        near = _always_near(every, _random_postures(problem, arms))
+        return cls(tuple(solids), pairs[~near], tuple(notes), planar)
 
-    @cached_property
-    def distances(self) -> Distances:
-        """Distances of the tested pairs."""
-        return Distances(self.solids, self.pairs, self.carriers)
-
-    def nearest(self, where: Placements) -> Nearest | None:
-        """The pair with the smallest exact distance; None where no pair is tested.
-
-        Distances of balls round the solids are never larger: exact distances are measured in
-        ascending order of these, until one exceeds the smallest. Of pairs that may overlap all are
-        measured, for no bound tells how deep they do. Where a solid lies within a mesh, its
-        distance to the surface counts as the depth.
-
-        Args:
-            where: the placements of the carriers, as `carrier_poses` gives them.
-        """
-        if not len(self.pairs):
-            return None
-        distances = self.distances
-        bounds = distances.ball_bounds(where)
-        least, which = np.inf, -1
-        for k in np.argsort(bounds, kind="stable"):
-            if bounds[k] > max(least, 0.0):
-                break
-            found = distances.exact(int(k), where, least if least > 0 else np.inf)
-            if found < least:
-                least, which = found, int(k)
-        for k in sorted(distances.enclosed(where)):
-            depth = -abs(distances.exact(k, where))
-            if depth < least:
-                least, which = depth, k
-        i, j = self.pairs[which]
-        return Nearest(least, (self.solids[i].name, self.solids[j].name))
-
-    def overlapping(self, where: Placements) -> tuple[str, str] | None:
-        """The names of a pair that overlaps, or None where none does; without any capsule."""
-        distances = self.distances
-        near = np.flatnonzero(distances.ball_bounds(where) <= 0)
-        found = next((int(k) for k in near if distances.touch(int(k), where)), None)
-        if found is None:
-            found = min(distances.enclosed(where), default=None)
-        if found is None:
-            return None
-        i, j = self.pairs[found]
-        return self.solids[i].name, self.solids[j].name
+    def bodies(self, arms: Sequence[Arm], clearance: float) -> Bodies:
+        """What is asked how near they come, carried by arms as in the problem."""
+        return Bodies(self.solids, self.pairs, arms, clearance, planar=self.planar)
 
 
 def _planar_links(spec: PlanarArm, arm: int) -> Iterator[Solid]:
@@ -176,8 +112,8 @@ def _primitive(shape: Any) -> Primitive:
     return Primitive(shape.kind, (shape.radius, shape.length))
 
 
-def _random_postures(problem: Problem, arms: Sequence[Arm]) -> Iterator[Placements]:
-    """Joint positions drawn within their limits, and free bases within their ranges."""
+def _random_postures(problem: Problem, arms: Sequence[Arm]) -> Iterator[Array]:
+    """Configurations: joint positions drawn within limits, and free bases within their ranges."""
     rng = np.random.default_rng(_SEED)
     ranges = [finite_range(arm.lower, arm.upper) for arm in arms]
     for _ in range(_POSTURES):
@@ -187,28 +123,21 @@ def _random_postures(problem: Problem, arms: Sequence[Arm]) -> Iterator[Placemen
             drawn = {name: rng.uniform(*interval) for name, interval in free.items()}
             bases.append(arm.base.displaced(drawn, "yaw"))
         q = [rng.uniform(low, high) for low, high in ranges]
-        yield carrier_poses(arms, bases, q, problem.object.pose)
+        yield configurations(arms, bases, q, problem.object.pose)
 
 
-def _always_near(distances: Distances, postures: Iterator[Placements], clearance: float) -> Mask:
+def _always_near(bodies: Bodies, postures: Iterator[Array]) -> Mask:
     """Which pairs are nearer than the clearance in every posture, shape (p,).
 
     Only of pairs that an arm's joints move against each other: an object that is held in the way
     of something fixed collides with it, however often one looks.
     """
-    kinds = [
-        {distances.solids[i].carrier.kind, distances.solids[j].carrier.kind}
-        for i, j in distances.pairs
-    ]
+    kinds = [{bodies.solids[i].carrier.kind, bodies.solids[j].carrier.kind}
+             for i, j in bodies.pairs]  # fmt: skip
     near = np.array(["joint" in kind and "object" not in kind for kind in kinds], dtype=np.bool_)
-    for where in postures:
+    for x in postures:
         some = np.flatnonzero(near)
         if not len(some):
             break
-        within = distances.enclosed(where)
-        bounds = distances.ball_bounds(where)[some]
-        for k, bound in zip(some, bounds, strict=True):
-            # A mesh counts as its surface here, which touches at 0 whatever the clearance is.
-            gap = distances.exact(int(k), where, clearance) if bound <= clearance else np.inf
-            near[k] = gap < clearance or gap <= 0 or k in within
+        near[some] = bodies.too_near(x[0], some)
     return near

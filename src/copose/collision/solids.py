@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from copose.collision.boxes import around_box
-from copose.collision.capsules import Capsule, around_hull, around_surface
 from copose.collision.carriers import Carrier
-from copose.collision.remembered import remembered
 from copose.poses import Array, Indices, Pose, frozen_array
 
 # A planar shape is a slab this thick to the exact distances: what is nearest lies in the plane.
 _THICKNESS = 1.0
-# Sides of the prism round a cylinder that is covered in its place.
+# Sides of the prism round a cylinder.
 _SIDES = 24
+# A surface that is farther below its hull is asked itself, and so is one whose triangles times the
+# hull's facets are more; a hull with more corners is replaced by a box.
+_DEEP, _MANY, _CORNERS = 2e-3, 30_000_000, 20_000
+_AT_ONCE = 256
+# What the box round a flat surface is larger, m.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -46,17 +49,23 @@ class Primitive:
         return (coal.Cylinder if self.kind == "cylinder" else coal.Capsule)(*self.size)
 
     @property
-    def capsules(self) -> tuple[Capsule, ...]:
-        """Capsules that together contain the shape, in its frame."""
-        return _capsules(self)
+    def bound(self) -> Any:
+        """A convex shape for coal that contains it: itself."""
+        return self.coal
+
+    @property
+    def below(self) -> float:
+        """How far points of the bound are from it at most, m."""
+        return 0.0
 
     @cached_property
     def hull(self) -> tuple[Array, float]:
         """Points (n, 3) and a distance: all within it of their convex hull holds the shape."""
         if self.kind in ("box", "cylinder"):
             return self.corners, 0.0
-        (capsule,) = self.capsules
-        return np.array([capsule.a, capsule.b]), capsule.radius
+        radius, *length = self.size
+        end = np.array([0.0, 0.0, sum(length) / 2])
+        return np.array([-end, end]), radius
 
     @property
     def witness(self) -> Array:
@@ -76,20 +85,6 @@ class Primitive:
         return np.vstack(
             [np.column_stack([rim, np.full(_SIDES, z)]) for z in (-length / 2, length / 2)]
         )
-
-
-@lru_cache(maxsize=1000)
-def _capsules(shape: Primitive) -> tuple[Capsule, ...]:
-    """Fitted once for all shapes of the same measures: the two sides of a robot have them alike."""
-    if shape.kind == "sphere":
-        return (Capsule(frozen_array(np.zeros(3)), frozen_array(np.zeros(3)), shape.size[0]),)
-    if shape.kind == "capsule":
-        radius, length = shape.size
-        end = np.array([0.0, 0.0, length / 2])
-        return (Capsule(frozen_array(-end), frozen_array(end), radius),)
-    if shape.kind == "box":
-        return around_box(shape.size)
-    return remembered(around_hull, shape.corners)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,9 +109,74 @@ class Mesh:
         return np.array([[face[0], face[1], face[2]] for face in faces], dtype=np.intp)
 
     @cached_property
-    def capsules(self) -> tuple[Capsule, ...]:
-        """Capsules that together contain the surface."""
-        return remembered(around_surface, self.vertices, self.triangles)
+    def bound(self) -> Any:
+        """The convex hull of the surface for coal; a box round it where it is flat, or where the
+        hull has very many corners.
+        """
+        import coal
+
+        corners, faces, _ = self._hull
+        points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        points.extend(list(corners))
+        triangles.extend([coal.Triangle(*face) for face in faces.tolist()])
+        return coal.Convex(points, triangles)
+
+    @cached_property
+    def below(self) -> float:
+        """How far points of the bound are from what the surface encloses at most, m; infinite where
+        that is much, or not known.
+
+        A closed surface whose points are all within some depth of the hull has a point within that
+        depth of every point of it. The depth below a facet is linear, so no point of a triangle is
+        deeper below the hull than the deepest of its corners below any one facet.
+        """
+        _, _, facets = self._hull
+        if not len(facets) or len(facets) * self.coal.num_tris > _MANY:
+            return np.inf
+        depths = -(self.vertices @ facets[:, :3].T + facets[:, 3])
+        deepest = 0.0
+        for first in range(0, len(self.triangles), _AT_ONCE):
+            corners = depths[self.triangles[first : first + _AT_ONCE]]
+            deepest = max(deepest, float(corners.max(axis=1).min(axis=1).max()))
+            if deepest > _DEEP:
+                return np.inf
+        middle = self.vertices.mean(axis=0)
+        inside = float(-(facets[:, :3] @ middle + facets[:, 3]).max())
+        return deepest if inside > deepest and self.encloses(middle) else np.inf
+
+    @cached_property
+    def _hull(self) -> tuple[Array, Indices, Array]:
+        """Corners and triangles of the bound, wound outwards, and n and −d of the hull's facets
+        {x : n·x ≤ d}, none where the bound is a box.
+        """
+        from scipy.spatial import ConvexHull, QhullError
+
+        try:
+            hull = ConvexHull(self.vertices)
+        except (QhullError, ValueError):
+            return self._box
+        if len(hull.vertices) > _CORNERS:
+            return self._box
+        number = np.full(len(self.vertices), -1)
+        number[hull.vertices] = np.arange(len(hull.vertices))
+        faces, x = hull.simplices.copy(), self.vertices
+        a, b, c = np.swapaxes(x[faces], 0, 1)
+        inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
+        faces[inward] = faces[inward][:, [0, 2, 1]]
+        facets = np.unique(hull.equations.round(12), axis=0)
+        # Rounding must leave no point of the surface outside.
+        facets[:, 3] = -(x @ facets[:, :3].T).max(axis=0)
+        return x[hull.vertices], number[faces], facets
+
+    @property
+    def _box(self) -> tuple[Array, Indices, Array]:
+        low, high = self.extent
+        ends = np.column_stack([low - _ROUNDING, high + _ROUNDING])
+        corners = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, 3)
+        sides = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4],
+                          [1, 5, 7, 3]])  # fmt: skip
+        faces = np.vstack([sides[:, [0, 1, 2]], sides[:, [0, 2, 3]]])
+        return corners, faces, np.zeros((0, 4))
 
     @property
     def hull(self) -> tuple[Array, float]:
@@ -134,25 +194,13 @@ class Mesh:
         """Lowest and highest coordinates, (3,) each."""
         return self.vertices.min(axis=0), self.vertices.max(axis=0)
 
-    @cached_property
-    def _faces(self) -> tuple[Array, Array]:
-        """N and d of {x : N x ≤ d}: the vertices' convex hull, or all of space if that is flat."""
-        from scipy.spatial import ConvexHull, QhullError
-
-        try:
-            equations = ConvexHull(self.vertices).equations
-        except (QhullError, ValueError):
-            return np.zeros((0, 3)), np.zeros(0)
-        normals = equations[:, :3]
-        return normals, (self.vertices @ normals.T).max(axis=0)
-
     def encloses(self, point: Array) -> bool:
         """Whether the surface winds round a point; for coal a mesh is but its surface.
 
         Solid angles are summed, so that a gap in the surface does little harm.
         """
-        normals, offsets = self._faces
-        if np.any(normals @ point > offsets):
+        low, high = self.extent
+        if np.any(point < low) or np.any(point > high):
             return False
         a, b, c = np.swapaxes(self.vertices[self.triangles] - point, 0, 1)
         la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
@@ -192,14 +240,3 @@ class Solid:
     carrier: Carrier
     placement: Pose
     parts: tuple[Part, ...]
-
-    @cached_property
-    def capsules(self) -> tuple[Capsule, ...]:
-        """Capsules that together contain it, in the carrier's frame."""
-        found = []
-        for part in self.parts:
-            pose = self.placement @ part.placement
-            for capsule in part.shape.capsules:
-                a, b = (pose.rotation @ end + pose.position for end in (capsule.a, capsule.b))
-                found.append(Capsule(frozen_array(a), frozen_array(b), capsule.radius))
-        return tuple(found)

@@ -1,0 +1,407 @@
+"""How near bodies come: bounds by convex hulls, and where these say nothing the bodies, by coal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from copose.collision.carriers import Carrier, Placements, carrier_poses, carriers_of
+from copose.collision.solids import Mesh, Part, Solid
+from copose.poses import Array, Indices, Mask, Pose
+from copose.robots import Arm
+
+if TYPE_CHECKING:
+    from copose.collision.hull_queries import HullQueries
+
+# How exactly distances are computed, relative; below what distance, m, their normal is the hulls'.
+TOLERANCE, _TOUCHING = 1e-10, 1e-9
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The two tested solids that are nearest to each other.
+
+    Attributes:
+        distance: of the original shapes, m; ≤ 0 where they overlap.
+        pair: their names.
+    """
+
+    distance: float
+    pair: tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Witness:
+    """Where two shapes are nearest to each other, or overlap deepest.
+
+    Attributes:
+        pair: number of the tested pair that they are parts of.
+        distance: m; where they overlap −(the depth of their hulls).
+        first: the carrier of the first; ``second`` of the other.
+        a: the first's point, in its carrier's frame, (3,).
+        b: the other's, alike.
+        normal: unit, in the world, from the first to the other, (3,): moved along with the carriers
+            n·(b − a) is the distance to first order.
+    """
+
+    pair: int
+    distance: float
+    first: Carrier
+    second: Carrier
+    a: Array
+    b: Array
+    normal: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """A part of a solid, in the frame of the solid's carrier."""
+
+    part: Part
+    pose: Pose
+    carrier: int
+
+    def at(self, where: Placements) -> tuple[Array, Array]:
+        """Rotation and position in the world."""
+        R = where.rotations[self.carrier]
+        return R @ self.pose.rotation, R @ self.pose.position + where.positions[self.carrier]
+
+
+class Bodies:
+    """Solids and the pairs of them that may not touch, in any configuration.
+
+    Configurations are rows as `configurations` makes them. Everything is for one thread at a time.
+
+    Attributes:
+        solids: as in the scene.
+        pairs: the two solids of each tested pair, (p, 2).
+        carriers: in the order of `Placements`.
+        clearance: what is kept, m.
+        centres: of a ball round every solid, in its carrier's frame, (s, 3).
+        radii: of these, (s,).
+        carrier: number of each solid's carrier, (s,).
+    """
+
+    def __init__(
+        self, solids: Sequence[Solid], pairs: Indices, arms: Sequence[Arm], clearance: float,
+        *, planar: bool,
+    ) -> None:  # fmt: skip
+        """Find a ball round each solid.
+
+        Args:
+            solids: all.
+            pairs: numbers of those that are tested against each other, (p, 2).
+            arms: that carry them.
+            clearance: m.
+            planar: whether they move in a plane; Pinocchio is not asked then.
+        """
+        self.solids, self.pairs, self.clearance = tuple(solids), pairs, clearance
+        self.carriers = carriers_of(arms)
+        self._arms = tuple(arms)
+        number = {carrier: i for i, carrier in enumerate(self.carriers)}
+        self.carrier = np.array([number[solid.carrier] for solid in solids], dtype=np.intp)
+        self._parts = [
+            [_Placed(part, solid.placement @ part.placement, number[solid.carrier])
+             for part in solid.parts]
+            for solid in solids
+        ]  # fmt: skip
+        balls = [_ball(parts) for parts in self._parts]
+        self.centres = np.reshape([centre for centre, _ in balls], (-1, 3))
+        self.radii = np.array([radius for _, radius in balls])
+        moved = np.array([s.carrier.arm if s.carrier.kind == "joint" else -1 for s in solids], int)
+        self._pair_arms = moved[pairs]
+        self._planar = planar
+        self._queries: dict[bytes, HullQueries] = {}
+        self._functors: dict[tuple[int, int, str], Any] = {}
+
+    # Which pairs
+
+    def own(self, i: int) -> Indices:
+        """Tested pairs that only arm i moves against each other, or against what stands still."""
+        mine = (self._pair_arms == i) | (self._pair_arms == -1)
+        return np.flatnonzero(mine.all(axis=1) & (self._pair_arms == i).any(axis=1))
+
+    @cached_property
+    def shared(self) -> Indices:
+        """Tested pairs of solids of two arms."""
+        return np.flatnonzero(
+            (self._pair_arms >= 0).all(axis=1) & (self._pair_arms[:, 0] != self._pair_arms[:, 1])
+        )
+
+    @cached_property
+    def still(self) -> Indices:
+        """Tested pairs that no joint moves."""
+        return np.flatnonzero((self._pair_arms < 0).all(axis=1))
+
+    @cached_property
+    def every(self) -> Indices:
+        """All tested pairs."""
+        return np.arange(len(self.pairs))
+
+    def names(self, pair: int) -> tuple[str, str]:
+        """Of the solids of a tested pair."""
+        a, b = self.pairs[pair]
+        return self.solids[a].name, self.solids[b].name
+
+    # What is asked
+
+    def placed(self, x: Array) -> Placements:
+        """Where all carriers are in configurations, (count, size)."""
+        return carrier_poses(self._arms, x)
+
+    def clear(self, x: Array, pairs: Indices | None = None) -> Mask:
+        """Which configurations, (count, size), keep the clearance in some tested pairs, or in all;
+        (count,).
+        """
+        some = self.every if pairs is None else pairs
+        clear = np.ones(len(x), dtype=np.bool_)
+        if not len(some) or not len(x):
+            return clear
+        undecided = np.arange(len(x))
+        if not self._planar:
+            queries = self._hulls(some)
+            verdicts = [queries.verdict(row) for row in x]
+            clear = np.array([verdict is True for verdict in verdicts], dtype=np.bool_)
+            undecided = np.flatnonzero([verdict is None for verdict in verdicts])
+        where = self.placed(x[undecided])
+        for k, row in enumerate(undecided):
+            clear[row] = self._keeps_clear(where[k], some)
+        return clear
+
+    def too_near(self, x: Array, pairs: Indices) -> Mask:
+        """Which of some tested pairs do not keep the clearance in a configuration, (size,); (k,)."""
+        where = self.placed(x[None])[0]
+        near = self.bounds(where, pairs) < self.clearance
+        for k in np.flatnonzero(near):
+            near[k] = not self._keeps_clear(where, pairs[[k]])
+        return np.asarray(near)
+
+    def bounds(self, where: Placements, pairs: Indices) -> Array:
+        """Distances of one ball round each solid of some pairs, (..., k)."""
+        i = self.carrier
+        centres = np.einsum("...sij,sj->...si", where.rotations[..., i, :, :], self.centres)
+        centres += where.positions[..., i, :]
+        a, b = self.pairs[pairs].T
+        gaps = np.linalg.norm(centres[..., a, :] - centres[..., b, :], axis=-1)
+        bounds: Array = gaps - self.radii[a] - self.radii[b]
+        return bounds
+
+    def hull_distances(self, where: Placements, pairs: Indices, most: float = np.inf) -> Array:
+        """Distances of the convex hulls of some pairs, never larger than the bodies'; below zero
+        how deep they overlap, (k,). What is farther than ``most`` has the bound by balls.
+        """
+        found, places = self.bounds(where, pairs), _Places(where)
+        for k in np.flatnonzero(found < most):
+            found[k] = min(self._hull(one, other, places) for one, other in self._of(pairs[k]))
+        return found
+
+    def distances(self, where: Placements, pairs: Indices) -> Array:
+        """Distances of the bodies of some pairs, m; where they overlap −(the depth of their hulls).
+        """
+        places = _Places(where)
+        return np.array([
+            min(self._exact(one, other, places)[0] for one, other in self._of(pair))
+            for pair in pairs
+        ])  # fmt: skip
+
+    def nearest(self, x: Array, pairs: Indices | None = None) -> Nearest | None:
+        """The nearest of some tested pairs, or of all, in a configuration, (size,); None where
+        none is tested.
+
+        Bodies are measured in ascending order of what bounds their distance, until a bound exceeds
+        the smallest. Of hulls that overlap all are measured.
+        """
+        some = self.every if pairs is None else pairs
+        where = self.placed(x[None])[0]
+        hulls = self.hull_distances(where, some)
+        least, which = np.inf, -1
+        for k in np.argsort(hulls, kind="stable"):
+            if hulls[k] > max(least, 0.0):
+                break
+            found = float(self.distances(where, some[[k]])[0])
+            if found < least:
+                least, which = found, int(some[k])
+        return None if which < 0 else Nearest(least, self.names(which))
+
+    def witnesses(self, x: Array, within: float, pairs: Indices | None = None) -> list[Witness]:
+        """Of shapes that are nearer to each other than ``within``, m, in a configuration, (size,).
+        """
+        some = self.every if pairs is None else pairs
+        where = self.placed(x[None])[0]
+        places, found = _Places(where), []
+        for pair in some[self.bounds(where, some) < within]:
+            for one, other in self._of(pair):
+                if self._hull(one, other, places) < within:
+                    distance, a, b, normal = self._exact(one, other, places)
+                    if distance < within:
+                        i, j = one.carrier, other.carrier
+                        found.append(Witness(
+                            int(pair), distance, self.carriers[i], self.carriers[j],
+                            where.rotations[i].T @ (a - where.positions[i]),
+                            where.rotations[j].T @ (b - where.positions[j]),
+                            normal,
+                        ))  # fmt: skip
+        return found
+
+    def overlapping(self, x: Array) -> tuple[str, str] | None:
+        """The names of a pair that overlaps in a configuration, (size,), None where none does."""
+        where = self.placed(x[None])[0]
+        for pair in self.every[self.bounds(where, self.every) <= 0]:
+            if self.hull_distances(where, np.array([pair]))[0] <= 0:
+                if self.distances(where, np.array([pair]))[0] <= 0:
+                    return self.names(int(pair))
+        return None
+
+    # How it is answered
+
+    def _hulls(self, pairs: Indices) -> HullQueries:
+        # Pinocchio takes a quarter of a second to load, which planar problems need not wait for.
+        from copose.collision.hull_queries import HullQueries
+
+        key = pairs.tobytes()
+        if key not in self._queries:
+            parts = [part for parts in self._parts for part in parts]
+            first = np.cumsum([0, *(len(parts) for parts in self._parts)])
+            between = [
+                (first[a] + i, first[b] + j)
+                for a, b in self.pairs[pairs]
+                for i in range(len(self._parts[a]))
+                for j in range(len(self._parts[b]))
+            ]
+            self._queries[key] = HullQueries(
+                self._arms,
+                [(part.part.shape, part.pose, self.carriers[part.carrier]) for part in parts],
+                between,
+                self.clearance,
+            )
+        return self._queries[key]
+
+    def _keeps_clear(self, where: Placements, pairs: Indices) -> bool:
+        """Whether bodies of some pairs keep the clearance, those whose hulls are nearest first."""
+        places, left = _Places(where), []
+        for pair in pairs[self.bounds(where, pairs) < self.clearance]:
+            for one, other in self._of(pair):
+                gap = self._hull(one, other, places)
+                if gap >= self.clearance:
+                    continue
+                if gap < self.clearance - one.part.shape.below - other.part.shape.below:
+                    return False
+                left.append((gap, one, other))
+        left.sort(key=lambda each: each[0])
+        return all(self._apart(one, other, gap, places) for gap, one, other in left)
+
+    def _apart(self, one: _Placed, other: _Placed, gap: float, places: _Places) -> bool:
+        """Whether two parts keep the clearance whose hulls do not."""
+        import coal
+
+        functor, result = self._functor(one, other, "collide"), coal.CollisionResult()
+        hit = functor(places(one), places(other), self._margin, result) > 0
+        return not hit and not (gap <= 0 and self._encloses(one, other, places))
+
+    def _of(self, pair: int) -> Iterator[tuple[_Placed, _Placed]]:
+        """The parts of a pair of solids, each of one with each of the other."""
+        a, b = self.pairs[pair]
+        return ((one, other) for one in self._parts[a] for other in self._parts[b])
+
+    def _functor(self, one: _Placed, other: _Placed, what: str) -> Any:
+        """What measures a pair of parts: bodies, hulls, or whether bodies come too near."""
+        import coal
+
+        key = id(one), id(other), what
+        if key not in self._functors:
+            shapes = [p.part.shape.bound if what == "hulls" else p.part.shape.coal
+                      for p in (one, other)]  # fmt: skip
+            make = coal.ComputeCollision if what == "collide" else coal.ComputeDistance
+            self._functors[key] = make(*shapes)
+        return self._functors[key]
+
+    def _hull(self, one: _Placed, other: _Placed, places: _Places) -> float:
+        """Distance of the hulls of two parts."""
+        return self._measured(one, other, "hulls", places)[0]
+
+    def _measured(
+        self, one: _Placed, other: _Placed, what: str, places: _Places
+    ) -> tuple[float, Any]:
+        import coal
+
+        result = coal.DistanceResult()
+        functor = self._functor(one, other, what)
+        return functor(places(one), places(other), self._request, result), result
+
+    @cached_property
+    def _request(self) -> Any:
+        import coal
+
+        request = coal.DistanceRequest()
+        request.gjk_tolerance = request.epa_tolerance = TOLERANCE
+        request.enable_signed_distance = True
+        return request
+
+    @cached_property
+    def _margin(self) -> Any:
+        import coal
+
+        request = coal.CollisionRequest()
+        request.security_margin, request.enable_contact = self.clearance, False
+        request.gjk_tolerance = request.epa_tolerance = TOLERANCE
+        return request
+
+    def _exact(
+        self, one: _Placed, other: _Placed, places: _Places
+    ) -> tuple[float, Array, Array, Array]:
+        """Distance of two parts, the point of each, and the normal.
+
+        For coal a mesh is its surface, and where two cross it tells no depth: hulls do.
+        """
+        if isinstance(one.part.shape, Mesh) or isinstance(other.part.shape, Mesh):
+            distance, result = self._measured(one, other, "bodies", places)
+            if distance > _TOUCHING and not self._encloses(one, other, places):
+                a, b = result.getNearestPoint1(), result.getNearestPoint2()
+                return distance, a, b, (b - a) / np.linalg.norm(b - a)
+            distance, result = self._measured(one, other, "hulls", places)
+            distance = min(distance, 0.0)
+        else:
+            distance, result = self._measured(one, other, "hulls", places)
+        return distance, result.getNearestPoint1(), result.getNearestPoint2(), result.normal
+
+    def _encloses(self, one: _Placed, other: _Placed, places: _Places) -> bool:
+        """Whether a mesh of one of two parts that do not cross encloses the other."""
+        for outer, inner in ((one, other), (other, one)):
+            shape = outer.part.shape
+            if isinstance(shape, Mesh):
+                (R, p), (S, q) = outer.at(places.where), inner.at(places.where)
+                if shape.encloses(R.T @ (S @ inner.part.shape.witness + q - p)):
+                    return True
+        return False
+
+
+class _Places:
+    """Where parts are, for coal."""
+
+    def __init__(self, where: Placements) -> None:
+        """Nothing placed yet."""
+        self.where = where
+        self._known: dict[int, Any] = {}
+
+    def __call__(self, part: _Placed) -> Any:
+        import coal
+
+        if id(part) not in self._known:
+            self._known[id(part)] = coal.Transform3s(*part.at(self.where))
+        return self._known[id(part)]
+
+
+def _ball(parts: Sequence[_Placed]) -> tuple[Array, float]:
+    """A ball round parts, about the middle of their extent."""
+    points, reach = [], []
+    for part in parts:
+        corners, beyond = part.part.shape.hull
+        points.append(corners @ part.pose.rotation.T + part.pose.position)
+        reach += [beyond] * len(corners)
+    x, r = np.vstack(points), np.array(reach)[:, None]
+    centre = ((x - r).min(axis=0) + (x + r).max(axis=0)) / 2
+    return centre, float((np.linalg.norm(x - centre, axis=1) + r[:, 0]).max())
