@@ -200,8 +200,7 @@ class Bodies:
         return found
 
     def distances(self, where: Placements, pairs: Indices) -> Array:
-        """Distances of the bodies of some pairs, m; where they overlap −(the depth of their hulls).
-        """
+        """Distances of the bodies of some pairs, m; where they overlap −(the depth of their hulls)."""
         places = _Places(where)
         return np.array([
             min(self._exact(one, other, places)[0] for one, other in self._of(pair))
@@ -228,8 +227,7 @@ class Bodies:
         return None if which < 0 else Nearest(least, self.names(which))
 
     def witnesses(self, x: Array, within: float, pairs: Indices | None = None) -> list[Witness]:
-        """Of shapes that are nearer to each other than ``within``, m, in a configuration, (size,).
-        """
+        """Of shapes that are nearer to each other than ``within``, m, in a configuration, (size,)."""
         some = self.every if pairs is None else pairs
         where = self.placed(x[None])[0]
         places, found = _Places(where), []
@@ -250,11 +248,10 @@ class Bodies:
     def overlapping(self, x: Array) -> tuple[str, str] | None:
         """The names of a pair that overlaps in a configuration, (size,), None where none does."""
         where = self.placed(x[None])[0]
-        for pair in self.every[self.bounds(where, self.every) <= 0]:
-            if self.hull_distances(where, np.array([pair]))[0] <= 0:
-                if self.distances(where, np.array([pair]))[0] <= 0:
-                    return self.names(int(pair))
-        return None
+        near = self.every[self.bounds(where, self.every) <= 0]
+        near = near[self.hull_distances(where, near) <= 0]
+        hit = next((k for k in near if self.distances(where, np.array([k]))[0] <= 0), None)
+        return None if hit is None else self.names(int(hit))
 
     # How it is answered
 

@@ -46,7 +46,7 @@ class HullQueries:
         below = np.array([shape.below for shape, _, _ in shapes])
         margins = {pair: clearance - below[pair[0]] - below[pair[1]] - _UNSURE for pair in pairs}
         surely = [pair for pair in pairs if margins[pair] > 0]
-        self._clear = _Query(geometries, {pair: clearance + _UNSURE for pair in pairs})
+        self._clear = _Query(geometries, dict.fromkeys(pairs, clearance + _UNSURE))
         self._near = _Query(geometries, {pair: margins[pair] for pair in surely})
         self._manager = pin.BroadPhaseManager_SSaPCollisionManager(
             self._model, self._clear.model, self._clear.data
@@ -65,9 +65,7 @@ class HullQueries:
 class _Query:
     """Pairs with a margin each."""
 
-    def __init__(
-        self, geometries: Sequence[object], margins: dict[tuple[int, int], float]
-    ) -> None:
+    def __init__(self, geometries: Sequence[object], margins: dict[tuple[int, int], float]) -> None:
         self.model = pin.GeometryModel()
         for geometry in geometries:
             self.model.addGeometryObject(geometry)

@@ -9,7 +9,7 @@ import numpy as np
 
 from copose.paths.interpolation import hermite
 from copose.paths.journey import Journey
-from copose.planning.clearance import carrier_poses_of
+from copose.planning.clearance import configurations_of
 from copose.planning.machinery import Machinery
 from copose.poses import Array
 from copose.progress import heed
@@ -34,8 +34,8 @@ def between_bodies(
     duration: float,
 ) -> Between:
     """Distances of the bodies themselves half way between the knots, by arm (n, n_i)."""
-    clearance, cell = machinery.clearance, machinery.cell
-    if clearance is None:
+    bodies, cell = machinery.bodies, machinery.cell
+    if bodies is None:
         return Between(None, False)
     count, least = len(q[0]), np.inf
     middle = [
@@ -51,7 +51,7 @@ def between_bodies(
         if planar:
             place = {"position": pose.position[:2], "angle": pose.rpy[2]}
         there = cell.moved(place)
-        nearest = clearance.scene.nearest(carrier_poses_of(there, [mine[k] for mine in middle]))
+        nearest = bodies.nearest(configurations_of(there, [mine[k] for mine in middle])[0])
         if nearest is not None:
             least = min(least, nearest.distance)
     wanted = _NEARER * cell.problem.constraints.clearance

@@ -97,7 +97,7 @@ class KnotTask:
         """
         system = cell.system
         symbols = ca.SX.sym("numbers", numbers)
-        slots = ca.SX.sym("capsules", 0 if kept_apart is None else kept_apart.numbers)
+        slots = ca.SX.sym("witnesses", 0 if kept_apart is None else kept_apart.numbers)
         b = len(system.space.balance)
         inertial, duration = ca.SX.sym("inertial", b), ca.SX.sym("duration")
         constraints = list(closure_constraints(system))

@@ -116,7 +116,7 @@ class Roadmap:
         self.simple = spare <= 1
         self._most = _MOST if self.simple else _MOST_SURFACE
         # Bodies in the way may leave little of a self-motion.
-        finer = finer if machinery.clearance is None or spare > 1 else max(finer, _FINER)
+        finer = finer if machinery.bodies is None or spare > 1 else max(finer, _FINER)
         self.spacing, self._most = SPACING / finer, finer * self._most
         self.held: list[int | None] = [None, None]
         if start is not None and self.simple:

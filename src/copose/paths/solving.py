@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from copose.capability.torque_limits import Demand
+from copose.collision import Witness
 from copose.paths.course import Course
 from copose.paths.drive import Drive
 from copose.paths.knot_task import OVER, Form, KnotTask
 from copose.paths.motion_program import MotionProgram, Multipliers, Solved, Task
 from copose.paths.starting import started
-from copose.planning.clearance import Apart, Near, Slot
+from copose.planning.clearance import Apart
 from copose.planning.limits_measures import LimitsMeasure
 from copose.planning.machinery import Machinery, Setting
 from copose.poses import Array, Mask
@@ -109,7 +110,7 @@ class Solver:
         """
         self._machinery, self._drive = machinery, drive
         self._kinked = kinked
-        self._tasks: dict[tuple[Form, tuple[Slot, ...]], KnotTask] = {}
+        self._tasks: dict[tuple[Form, Apart | None], KnotTask] = {}
         self._numbers = self._count_numbers()
 
     def _count_numbers(self) -> int:
@@ -121,19 +122,19 @@ class Solver:
             )
         return len(setting.numbers)
 
-    def task(self, form: Form, slots: tuple[Slot, ...] = ()) -> KnotTask:
+    def task(self, form: Form, apart: Apart | None = None) -> KnotTask:
         """What the programs of a form hold at a knot."""
-        if (form, slots) not in self._tasks:
+        if (form, apart) not in self._tasks:
             machinery, capacity = self._machinery, self._drive.capacity
-            self._tasks[form, slots] = KnotTask(
+            self._tasks[form, apart] = KnotTask(
                 machinery.cell,
                 machinery.objective,
                 self._numbers,
                 capacity,
-                Apart(slots) if slots else None,
+                apart,
                 form,
             )
-        return self._tasks[form, slots]
+        return self._tasks[form, apart]
 
     def solved(self, case: Case, q: Array, beside: Multipliers | None = None) -> Shaped:
         """The best motion near one, (n, N), with demands that a program left out."""
@@ -172,36 +173,31 @@ class Solver:
     ) -> Shaped:
         """With pairs of bodies that it has run into."""
         machinery, course = self._machinery, case.course
-        settings = [
-            machinery.calibrated(setting, here)
-            for setting, here in zip(course.settings, q, strict=True)
-        ]
-        near = [machinery.near(s, here) for s, here in zip(settings, q, strict=True)]
+        near = [machinery.near(s, here) for s, here in zip(course.settings, q, strict=True)]
         for _ in range(_COLLISIONS):
-            found = self._run(case, settings, near, q, demands, beside)
-            if machinery.clearance is None or not found.converged:
+            found = self._run(case, near, q, demands, beside)
+            if machinery.bodies is None or not found.converged:
                 return found
-            hits = [machinery.runs_into(s, here) for s, here in zip(settings, found.q, strict=True)]
-            if all(hit is None for hit in hits):
-                return found
-            near = [
-                mine if hit is None else mine.joined(hit)
-                for mine, hit in zip(near, hits, strict=True)
+            hits = [
+                machinery.runs_into(setting, here)
+                for setting, here in zip(course.settings, found.q, strict=True)
             ]
+            if not any(hits):
+                return found
+            near = [mine + hit for mine, hit in zip(near, hits, strict=True)]
         return replace(found, converged=False, status="Collision")
 
     def _run(
         self,
         case: Case,
-        settings: Sequence[Setting],
-        near: Sequence[Near],
+        near: Sequence[tuple[Witness, ...]],
         q: Array,
         demands: list[tuple[Demand, ...]] | None,
         beside: Multipliers | None,
     ) -> Shaped:
         machinery, course, wanted = self._machinery, case.course, case.wanted
-        slots = machinery.slots(settings[0], near)
-        task = self.task(case.form, slots)
+        apart = machinery.apart(near)
+        task = self.task(case.form, apart)
         start = started(
             machinery, self._drive, task, course, q, wanted.duration, demands, case.slack
         )
@@ -213,11 +209,11 @@ class Solver:
                 np.concatenate([
                     setting.cell.parameters,
                     self._numbers_at(setting, None if demands is None else demands[k]),
-                    machinery.capsules(setting, slots, near[k]),
+                    machinery.kept_apart(apart, near[k]),
                     inertial[k],
                     [wanted.duration],
                 ])
-                for k, setting in enumerate(settings)
+                for k, setting in enumerate(course.settings)
             ]
         )  # fmt: skip
         lower, upper = self._bounds(len(course), wanted)

@@ -11,15 +11,13 @@ from copose.capability.torque_limits import Demand, Dynamics
 from copose.paths.course import Course
 from copose.paths.roadmap import Roadmap
 from copose.planning.capacity import Capacity
-from copose.planning.clearance import Bodies
-from copose.planning.clearing import alone_clear
+from copose.planning.clearance import in_the_way
+from copose.planning.clearing import alone_clear, keep_apart
 from copose.planning.machinery import Machinery
 from copose.planning.objectives import EllipsoidMeasure
 from copose.poses import Array, Indices, Mask
 
 _UNHELD = -1e299
-# Postures of an arm, and pairs, of a layer whose bodies are measured where capsules are too near.
-_MEASURED, _MEASURED_PAIRS = 24, 64
 # What it costs to hold the object with more than the torque limits, by the excess squared: routes
 # through such combinations come after all others, and the program may mend them.
 _TOO_HEAVY = 1e4
@@ -54,9 +52,8 @@ class Values:
         self.shares = np.zeros(len(course))
         self._holding: list[tuple[Dynamics, Demand]] = []
         self._pairs: dict[int, Array] = {}
-        self._bodies: dict[int, list[Bodies]] = {}
         self.object_in_the_way: tuple[int, str] | None = None
-        self._clear = [] if machinery.clearance is None else self._alone()
+        self._clear = [] if machinery.bodies is None else self._alone()
 
     def within(self, capacity: Capacity) -> Values:
         """The same less what it costs to hold the object with more than the torque limits."""
@@ -78,19 +75,15 @@ class Values:
         """By layer and arm, which postures keep clear of all but the other arms."""
         found = []
         for k, setting in enumerate(self._course.settings):
-            clearance, cell, masks = setting.clearance, setting.cell, []
-            assert clearance is not None
-            nothing: list[Array | None] = [None] * len(self._roadmaps)
-            still = clearance.exactly(cell, nothing, clearance.still)
+            bodies = setting.bodies
+            assert bodies is not None
+            here = setting.configurations([None] * len(self._roadmaps))
+            still = bool(bodies.clear(here, bodies.still)[0])
             if not still and self.object_in_the_way is None:
-                hit = clearance.near(cell, nothing, clearance.still, 0.0)
-                reason = clearance.in_the_way(cell, nothing, hit, 1, every=True).reason
+                reason = in_the_way(bodies, here, bodies.still, every=True).reason
                 self.object_in_the_way = k, f"whatever the arms do {reason}"
-            for i, roadmap in enumerate(self._roadmaps):
-                q = roadmap.layers[k].q
-                alone = [q if j == i else None for j in range(len(self._roadmaps))]
-                clearance.loosen(cell, alone, clearance.own(i))
-                masks.append(alone_clear(setting, i, q, _MEASURED) & still)
+            masks = [alone_clear(setting, i, roadmap.layers[k].q) & still
+                     for i, roadmap in enumerate(self._roadmaps)]  # fmt: skip
             found.append(masks)
         return found
 
@@ -156,11 +149,8 @@ class Values:
         chosen = _chosen(arms, nodes, usable)
         if not len(chosen):
             return
-        clear = self._apart(k, chosen)
-        if not clear.any():
-            # Capsules would have it that nothing is clear: bodies decide.
-            best = np.argsort(-values[usable], kind="stable")[:_MEASURED_PAIRS]
-            clear[best] = self._exactly(k, chosen[best])
+        q = [roadmap.layers[k].q for roadmap in self._roadmaps]
+        clear = keep_apart(self._course.settings[k], q, chosen)
         values[usable] = np.where(clear, values[usable], -np.inf)
 
     def _of(self, k: int, sums: Array) -> Array:
@@ -175,36 +165,6 @@ class Values:
             grams = machinery.grams_of(setting, sums[held, :own])
             values[held] = setting.objective.of_grams(grams)
         return values
-
-    def _exactly(self, k: int, chosen: Indices) -> Mask:
-        """The same by the bodies themselves."""
-        setting = self._course.settings[k]
-        assert setting.clearance is not None
-        found = []
-        for nodes in chosen:
-            q = [r.layers[k].q[[node]] for r, node in zip(self._roadmaps, nodes, strict=True)]
-            shared = setting.clearance.shared
-            found.append(setting.clearance.exactly(setting.cell, q, shared))
-        return np.array(found, dtype=bool)
-
-    def _apart(self, k: int, chosen: Indices) -> Mask:
-        """Which combinations, (count, K), keep the arms clear of each other."""
-        clearance = self._course.settings[k].clearance
-        assert clearance is not None
-        return clearance.keep_apart(self._placed(k), chosen)
-
-    def _placed(self, k: int) -> list[Bodies]:
-        """Where the bodies of each arm are at its own postures."""
-        if k not in self._bodies:
-            setting, K = self._course.settings[k], len(self._roadmaps)
-            assert setting.clearance is not None
-            self._bodies[k] = [
-                setting.clearance.placed(
-                    setting.cell, [roadmap.layers[k].q if j == i else None for j in range(K)]
-                )
-                for i, roadmap in enumerate(self._roadmaps)
-            ]
-        return self._bodies[k]
 
 
 def _chosen(arms: tuple[int, ...], nodes: Indices, usable: Mask) -> Indices:

@@ -8,16 +8,14 @@ from math import prod
 
 import numpy as np
 
-from copose.planning.cell import Cell
-from copose.planning.clearance import Blocked, Clearance, Near
+from copose.planning.clearance import Blocked, in_the_way
 from copose.planning.closing import CLOSED, project
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.self_motion import neighbours
 from copose.poses import Array, Indices, Mask
 
-# Postures whose bodies are measured where capsules leave none of an arm's, ends of climbs that are;
-# and combinations of which some are told.
-_MEASURED, _MEASURED_ENDS, _COMBINED = 64, 16, 1024
+# Combinations of which some are told.
+_COMBINED = 1024
 # Where at most such a part of an arm's postures is clear others are closed between those next to
 # each other, at such parts of the way.
 _FEW_CLEAR, _BETWEEN = 0.5, (0.25, 0.5, 0.75)
@@ -40,27 +38,21 @@ class Cleared:
 
 def clear_postures(machinery: Machinery, setting: Setting, postures: Sequence[Array]) -> Cleared:
     """Postures of each arm, (count_i, n_i), that keep clear of itself and of what stands still."""
-    clearance, cell = setting.clearance, setting.cell
-    assert clearance is not None
-    nothing: list[Array | None] = [None] * len(postures)
-    clearance.loosen(cell, nothing, clearance.still)
-    hit = clearance.near(cell, nothing, clearance.still, 0.0)
+    bodies, cell = setting.bodies, setting.cell
+    assert bodies is not None
+    here = setting.configurations([None] * len(postures))
     found, near, blocked = [], [], []
-    if len(hit.rows) and not clearance.exactly(cell, nothing, clearance.still):
-        blocked.append(clearance.in_the_way(cell, nothing, hit, 1, every=True))
+    if not bodies.clear(here, bodies.still)[0]:
+        blocked.append(in_the_way(bodies, here, bodies.still, every=True))
     for i, mine in enumerate(postures):
-        clearance.loosen(cell, _alone(cell, i, mine), clearance.own(i))
-        clear, hit = _clear(clearance, cell, i, mine)
+        clear = alone_clear(setting, i, mine)
         if clear.mean() <= _FEW_CLEAR:
-            mine = np.vstack([mine, _denser(machinery, setting, i, mine)])
-            clear, hit = _clear(clearance, cell, i, mine)
+            more = _denser(machinery, setting, i, mine)
+            mine = np.vstack([mine, more])
+            clear = np.concatenate([clear, np.ones(len(more), dtype=bool)])
         if not clear.any():
-            # Capsules would have it that nothing is clear: bodies decide.
-            clear[_exactly_clear(clearance, cell, i, mine, hit, _MEASURED)] = True
-        if not clear.any():
-            alone = _alone(cell, i, mine)
-            every = cell.spare(i) <= 0
-            blocked.append(clearance.in_the_way(cell, alone, hit, _MEASURED, every=every))
+            x = setting.configurations(_alone(setting, i, mine))
+            blocked.append(in_the_way(bodies, x, bodies.own(i), every=cell.spare(i) <= 0))
         number = np.cumsum(clear) - 1
         # A neighbour that is gone is none: a posture beside itself changes nothing.
         others = neighbours(cell, machinery.arms[i], i, mine)[clear]
@@ -70,31 +62,27 @@ def clear_postures(machinery: Machinery, setting: Setting, postures: Sequence[Ar
     return Cleared(found, near, tuple(blocked))
 
 
-def clear_alone(setting: Setting, i: int, q: Array) -> Array:
-    """Those postures of arm i, (count, n), that keep clear of all but the other arms.
+def alone_clear(setting: Setting, i: int, q: Array) -> Mask:
+    """Which postures of arm i, (count, n), keep clear of all but the other arms."""
+    bodies = setting.bodies
+    assert bodies is not None
+    return bodies.clear(setting.configurations(_alone(setting, i, q)), bodies.own(i))
 
-    Of some of those whose capsules do not, bodies decide: a climb may have ended where they touch.
-    """
-    return np.asarray(q[alone_clear(setting, i, q, _MEASURED_ENDS)])
 
-
-def alone_clear(setting: Setting, i: int, q: Array, most: int) -> Mask:
-    """Which postures of arm i, (count, n), keep clear of all but the other arms; bodies decide for
-    so many whose capsules do not.
-    """
-    clearance, cell = setting.clearance, setting.cell
-    assert clearance is not None
-    clear, hit = _clear(clearance, cell, i, q)
-    clear[_exactly_clear(clearance, cell, i, q, hit, most)] = True
-    return clear
+def keep_apart(setting: Setting, postures: Sequence[Array], chosen: Indices) -> Mask:
+    """Which combinations, (count, K), of the arms' postures keep the arms clear of each other."""
+    bodies = setting.bodies
+    assert bodies is not None
+    q = [mine[rows] for mine, rows in zip(postures, chosen.T, strict=True)]
+    return bodies.clear(setting.configurations(q), bodies.shared)
 
 
 def in_each_others_way(setting: Setting, postures: Sequence[Array], seed: int) -> Blocked:
     """Which arms are in each other's way in all combinations, as far as some of them tell; in every
     one where they are few.
     """
-    clearance, cell = setting.clearance, setting.cell
-    assert clearance is not None
+    bodies, cell = setting.bodies, setting.cell
+    assert bodies is not None
     counts = [len(mine) for mine in postures]
     every = all(cell.spare(i) <= 0 for i in range(len(counts))) and prod(counts) <= _COMBINED
     if every:
@@ -102,24 +90,15 @@ def in_each_others_way(setting: Setting, postures: Sequence[Array], seed: int) -
     else:
         rng = np.random.default_rng([seed, len(postures), 1])
         chosen = [rng.integers(0, count, _COMBINED) for count in counts]
-    q = [mine[rows] for mine, rows in zip(postures, chosen, strict=True)]
-    hit = clearance.near(cell, q, clearance.every, 0.0)
-    if not len(hit.rows):
+    x = setting.configurations([mine[k] for mine, k in zip(postures, chosen, strict=True)])
+    if bodies.clear(x, bodies.shared).any():
         return Blocked("none of the combinations that torque limits allow does", sure=False)
-    return clearance.in_the_way(cell, q, hit, _COMBINED if every else _MEASURED, every=every)
+    return in_the_way(bodies, x, bodies.shared, every=every)
 
 
-def _alone(cell: Cell, i: int, q: Array) -> list[Array | None]:
+def _alone(setting: Setting, i: int, q: Array) -> list[Array | None]:
     """Postures of arm i, and none of the others."""
-    return [q if j == i else None for j in range(len(cell.arms))]
-
-
-def _clear(clearance: Clearance, cell: Cell, i: int, q: Array) -> tuple[Mask, Near]:
-    """Which postures of arm i, (count, n), have capsules that keep clear, and what does not."""
-    hit = clearance.near(cell, _alone(cell, i, q), clearance.own(i), 0.0)
-    clear = np.ones(len(q), dtype=bool)
-    clear[hit.rows] = False
-    return clear, hit
+    return [q if j == i else None for j in range(len(setting.cell.arms))]
 
 
 def _denser(machinery: Machinery, setting: Setting, i: int, q: Array) -> Array:
@@ -139,22 +118,5 @@ def _denser(machinery: Machinery, setting: Setting, i: int, q: Array) -> Array:
     goal = setting.placement.goals[i]
     ends, gaps = project(kernels, drawn, goal, cell.lower[i], cell.upper[i])
     found = ends[gaps < CLOSED]
-    assert setting.clearance is not None
-    found = found[_clear(setting.clearance, cell, i, found)[0]]
+    found = found[alone_clear(setting, i, found)]
     return np.asarray(found[:: max(1, -(-len(found) // len(q)))])
-
-
-def _exactly_clear(
-    clearance: Clearance, cell: Cell, i: int, q: Array, hit: Near, most: int
-) -> list[int]:
-    """Postures of arm i, (count, n), whose bodies keep clear though their capsules do not; of those
-    whose capsules are the least too near.
-    """
-    least = np.full(len(q), np.inf)
-    np.minimum.at(least, hit.rows, hit.spare)
-    found = []
-    rows = np.flatnonzero(np.isfinite(least))
-    for k in rows[np.argsort(-least[rows], kind="stable")[:most]]:
-        if clearance.exactly(cell, _alone(cell, i, q[k][None]), clearance.own(i)):
-            found.append(int(k))
-    return found

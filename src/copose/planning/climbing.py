@@ -125,7 +125,7 @@ class Climbs:
         if not machinery.newton:
             return self._solve(starts)
         ends = machinery.polisher(setting).polish(starts)
-        held = machinery.allowed(setting, ends.q, ends.converged & (ends.value > self.best))
+        held = machinery.allowed(setting, ends.q)
         solved = ends.converged & machinery.smooth & held
         values = machinery.objectives(setting, ends.q)
         for q, value in zip(ends.q[solved], values[solved], strict=True):
@@ -133,8 +133,8 @@ class Climbs:
         left = _left(setting.cell, ends, solved | ~held, machinery.smooth, self._most)
         # Where torque limits or bodies end a climb IPOPT climbs with them, from a start that keeps
         # them; but where not even the climb without them came up to the best, it is no use.
-        stopped = ~held & machinery.allowed(setting, starts, ends.value > self.best)
-        if setting.clearance is not None:
+        stopped = ~held & machinery.allowed(setting, starts)
+        if setting.bodies is not None:
             rows = np.flatnonzero(stopped & (ends.value > self.best))
             scores = machinery.objectives(setting, starts[rows])
             stopped[:] = False
@@ -144,7 +144,7 @@ class Climbs:
         left = np.vstack([left, starts[stopped]])
         if machinery.smooth:
             stalled = int((~solved).sum()) - len(left)
-            if setting.clearance is not None:
+            if setting.bodies is not None:
                 # What bodies stop has not failed.
                 stalled -= int((~held & ~stopped).sum())
             self.failures += [LocalSolve(starts[0], False, "Stalled_Far_Below_Best", {})] * stalled

@@ -14,7 +14,7 @@ from copose.kernels import one_at_a_time
 from copose.planning.aims import objective_of
 from copose.planning.answering import Case, Placing, answer
 from copose.planning.cell import Cell
-from copose.planning.clearance import Clearance, overlap_notes, with_collision
+from copose.planning.clearance import overlap_notes, with_collision
 from copose.planning.freedom import Freedom
 from copose.planning.measuring import Measurement, Meter
 from copose.planning.notes import margin_notes
@@ -76,11 +76,14 @@ def _evaluated(
     stage("measuring distances")
     if problem.constraints.collision:
         scene = Scene.of(cell.problem, cell.arms)
-        measured = with_collision(cell, measured, Clearance(cell, scene))
+        bodies = scene.bodies(cell.arms, problem.constraints.clearance)
+        measured = with_collision(cell, measured, bodies)
         notes += scene.notes
     else:
         with contextlib.suppress(InputError):
-            notes += overlap_notes(cell, Scene.of(cell.problem, cell.arms), q)
+            scene = Scene.of(cell.problem, cell.arms)
+            bodies = scene.bodies(cell.arms, problem.constraints.clearance)
+            notes += overlap_notes(cell, bodies, q)
     fault = next(_faults(cell, q, measured), None)
     placed = Placed((x,), (np.concatenate(q),), np.nan)
     after = Placing(placed, (Case(measured, 1.0),)) if len(freedom) else measured

@@ -12,7 +12,7 @@ import numpy as np
 from copose import kernels
 from copose.capability import HoldingTorque
 from copose.capability.torque_limits import Demand
-from copose.collision import Scene
+from copose.collision import Bodies, Scene, Witness
 from copose.errors import InputError
 from copose.kernels import Kernel
 from copose.planning.aims import objective_of
@@ -20,11 +20,10 @@ from copose.planning.arm_kernels import ArmKernels, Placement, Placer, terms_ker
 from copose.planning.capacity import HELD, Capacity, Holding
 from copose.planning.cell import Cell
 from copose.planning.clearance import (
-    NOTHING_NEAR,
     Apart,
-    Clearance,
-    Near,
-    Slot,
+    configurations_of,
+    held_back,
+    of_two,
     overlap_notes,
     with_collision,
 )
@@ -46,9 +45,9 @@ _LOOK_AGAIN = 0.5
 _EXCHANGES, _WANDER, _NEARER, _NO_ROOM = 20, 6, 0.3, 1e-6
 # What a climb may lose by rounding, relative.
 _LOSS = 1e-9
-# Pairs of capsules that are less than this farther apart than they must be matter to a program, m;
-# what it may end nearer by; and how often it is solved with those that it has run into.
-_MATTERS, _TOUCHED, _COLLISIONS = 0.02, 1e-8, 10
+# Bodies that are less than this farther apart than they must be matter to a program, m; and how
+# often it is solved with those that it has run into.
+_MATTERS, _COLLISIONS = 0.02, 10
 # Optima of which the first that keeps clear is looked for.
 _LOOKED_AT = 16
 
@@ -68,7 +67,7 @@ class Setting:
         numbers: parameters of the objective.
         holding: how the object is held, where torque limits matter.
         held_ties: what the kernels of `HoldingTorque` take, by arm.
-        clearance: what bodies must keep; None where they need not.
+        bodies: what must keep the clearance; None where nothing need.
     """
 
     cell: Cell
@@ -80,12 +79,11 @@ class Setting:
     numbers: Array
     holding: Holding | None
     held_ties: tuple[Array, ...]
-    clearance: Clearance | None
+    bodies: Bodies | None
 
-    def fresh(self) -> Setting:
-        """The same, with nothing known yet of how near bodies come there."""
-        clearance = self.clearance
-        return self if clearance is None else replace(self, clearance=clearance.fresh())
+    def configurations(self, q: Sequence[Array | None]) -> Array:
+        """See `configurations_of`."""
+        return configurations_of(self.cell, q)
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -107,7 +105,7 @@ class Machinery:
         newton: whether Newton steps climb the score.
         smooth: whether the score is then the objective itself.
         dear: whether a climb takes many programs.
-        clearance: how near bodies come, where they may not touch.
+        bodies: that may not touch, if any.
     """
 
     def __init__(self, cell: Cell, objective: Objective | None = None) -> None:
@@ -144,17 +142,13 @@ class Machinery:
         self.newton = isinstance(self.objective, EllipsoidMeasure)
         self.smooth = isinstance(self.objective, EllipsoidMeasure) and not self.objective.kinked
         self.dear = isinstance(self.objective, LimitsMeasure) and self.objective.dear
-        self.clearance = None
-        if cell.problem.constraints.collision:
-            self.clearance = Clearance(cell, self.scene)
-        self._built: dict[tuple[bool, tuple[Slot, ...]], PostureProgram] = {}
+        self.bodies = self.every_body if cell.problem.constraints.collision else None
+        self._built: dict[tuple[bool, Apart | None], PostureProgram] = {}
         self._looked: float | None = None
         own = [kernel for model in models.values() for kernel in model.all]
         self._kernels = (*own, *held.values(), *self.score.all, self._placer.kernel)
         if self.capacity is not None:
             self._kernels += self.capacity.kernels
-        if self.clearance is not None:
-            self._kernels += self.clearance.kernels
 
     @cached_property
     def scene(self) -> Scene:
@@ -164,6 +158,11 @@ class Machinery:
             InputError: an arm has no shape.
         """
         return Scene.of(self.cell.problem, self.cell.arms)
+
+    @cached_property
+    def every_body(self) -> Bodies:
+        """The same, to be asked."""
+        return self.scene.bodies(self.cell.arms, self.cell.problem.constraints.clearance)
 
     def _numbers_of(self, cell: Cell, objective: Objective) -> tuple[Holding | None, Array]:
         """How the object of a cell is held, and an objective's parameters there."""
@@ -176,7 +175,7 @@ class Machinery:
     @property
     def program(self) -> PostureProgram:
         """The posture program, for IPOPT."""
-        return self.built(None, ())
+        return self.built(None, None)
 
     @cached_property
     def places(self) -> Places:
@@ -184,17 +183,16 @@ class Machinery:
         cases = tuple(case.name for case in self.cell.problem.cases) or ("",)
         return Places(self.cell, Freedom.of(self.cell.problem), cases)
 
-    def built(self, places: Places | None, slots: tuple[Slot, ...]) -> PostureProgram:
+    def built(self, places: Places | None, apart: Apart | None) -> PostureProgram:
         """The posture program, with all cases and everything that is free where ``places`` are
-        given, and with room for pairs of capsules that are kept apart.
+        given, and with rows that keep bodies apart.
         """
-        key = places is not None, slots
+        key = places is not None, apart
         if key not in self._built:
             numbers = self._numbers
             if isinstance(self.objective, LimitsMeasure) and self._nominal is not None:
                 demands = self.objective.demands(self._nominal)[: self.objective.programmed]
                 numbers = len(self.objective.numbers(demands))
-            apart = Apart(slots) if slots else None
             self._built[key] = PostureProgram(
                 self.cell, self.objective, numbers, self.capacity, places, apart
             )
@@ -242,7 +240,7 @@ class Machinery:
             held_ties=(
                 () if self._held_placer is None else self._held_placer(cell.parameters).ties
             ),
-            clearance=None if self.clearance is None else self.clearance.fresh(),
+            bodies=self.bodies,
         )
 
     def polisher(
@@ -344,36 +342,21 @@ class Machinery:
         return np.asarray(self.shares(setting, q) <= 1 + HELD)
 
     def clear(self, setting: Setting, q: Array) -> Mask:
-        """Which postures, (count, N), keep the clearance, as far as capsules tell, (count,)."""
-        clearance = setting.clearance
-        if clearance is None or not len(q):
+        """Which postures, (count, N), keep the clearance, (count,)."""
+        if setting.bodies is None:
             return np.ones(len(q), dtype=bool)
-        return clearance.clear(setting.cell, self.split(q), clearance.every)
+        return setting.bodies.clear(setting.configurations(self.split(q)))
 
     def first_apart(self, setting: Setting, optima: Sequence[LocalOptimum]) -> LocalOptimum | None:
         """The first that keeps the clearance, of as many as are worth the time."""
         for optimum in optima[:_LOOKED_AT]:
-            if self.exactly(setting, optimum.q):
+            if self.clear(setting, optimum.q[None])[0]:
                 return optimum
         return None
 
-    def exactly(self, setting: Setting, q: Array) -> bool:
-        """Whether the bodies themselves keep the clearance at a posture, (N,)."""
-        clearance = setting.clearance
-        return clearance is None or clearance.exactly(setting.cell, self.split(q[None]))
-
-    def allowed(self, setting: Setting, q: Array, exactly: Mask | None = None) -> Mask:
-        """Which postures, (count, N), hold the object and keep the clearance, (count,).
-
-        Args:
-            setting: where the object is.
-            q: the postures.
-            exactly: those for which bodies decide where capsules would not allow them.
-        """
+    def allowed(self, setting: Setting, q: Array) -> Mask:
+        """Which postures, (count, N), hold the object and keep the clearance, (count,)."""
         allowed = self.clear(setting, q)
-        if exactly is not None:
-            for k in np.flatnonzero(exactly & ~allowed):
-                allowed[k] = self.exactly(setting, q[k])
         if self.static and allowed.any():
             allowed[allowed] = self.held(setting, q[allowed])
         return allowed
@@ -400,14 +383,6 @@ class Machinery:
             return
         for start, wanted in zip(q, demands, strict=True):
             yield self._exchanged(setting, start, wanted)
-
-    def solve_near(self, setting: Setting, q: Array, room: float) -> LocalSolve:
-        """A run of IPOPT from a posture, (N,), in which no joint goes farther than ``room``."""
-        if isinstance(setting.objective, LimitsMeasure):
-            return next(self.solve_programs(setting, q[None]))
-        lower, upper = setting.bounds
-        box = np.maximum(lower, q - room), np.minimum(upper, q + room)
-        return next(self._programs(setting, q[None], None, box))
 
     def _exchanged(self, setting: Setting, start: Array, demands: tuple[Demand, ...]) -> LocalSolve:
         """Runs of IPOPT until no demand is left out, each better than the one before.
@@ -455,80 +430,76 @@ class Machinery:
         """The same with the demands of each start, where the objective has some."""
         bounds = setting.bounds if bounds is None else bounds
         numbers, beside = self.given(setting, q, demands)
-        settings = [self.calibrated(setting, start) for start in q]
-        near = [self.near(here, start) for here, start in zip(settings, q, strict=True)]
-        self.slots(setting, near)
         best = -np.inf
-        for k, (start, wanted, more) in enumerate(zip(q, numbers, beside, strict=True)):
-            here, mine = settings[k], near[k]
-            for _ in range(_COLLISIONS):
-                slots = self.slots(here, [mine])
-                given = np.concatenate([wanted, self.capsules(here, slots, mine)])
-                end = self._run(here, slots, start, given, more, bounds)
-                if not end.converged:
-                    break
-                value = self.objectives(setting, end.q[None])[0]
-                # Where a run is dear: what keeps clear of more will hardly be better.
-                worse = self.capacity is not None and not value > best
-                found = NOTHING_NEAR if worse else self.runs_into(here, end.q)
-                if found is None:
-                    best = max(best, value) if end.converged else best
-                    break
-                if worse:
-                    end = replace(end, converged=False, status="Below_Best")
-                    break
-                # What it has run into joins the pairs that matter.
-                mine = mine.joined(found)
-            else:
-                end = replace(end, converged=False, status="Collision")
+        for start, wanted, more in zip(q, numbers, beside, strict=True):
+            end = self._climb(setting, start, wanted, more, bounds, best)
+            if end.converged:
+                best = max(best, self.objectives(setting, end.q[None])[0])
             yield end
 
-    def calibrated(self, setting: Setting, q: Array) -> Setting:
-        """A setting for programs that start at a posture, (N,), where bodies and not their capsules
-        tell how near they are.
-        """
-        if setting.clearance is None:
-            return setting
-        mine = setting.clearance.calibrated_apart()
-        mine.calibrate(setting.cell, self.split(q[None]), _MATTERS)
-        return replace(setting, clearance=mine)
+    def _climb(
+        self,
+        setting: Setting,
+        start: Array,
+        numbers: Array,
+        beside: Array,
+        bounds: tuple[Array, Array],
+        best: float,
+    ) -> LocalSolve:
+        """A run of IPOPT from a posture, (N,), or as many as it takes to keep bodies apart."""
+        cuts, known = self.near(setting, start), None
+        for _ in range(_COLLISIONS):
+            end = self._run(setting, cuts, start, numbers, beside, bounds)
+            if not end.converged:
+                return end if known is None else known
+            # Where a run is dear: what keeps clear of more will hardly be better.
+            dear = self.capacity is not None and known is None
+            if dear and not self.objectives(setting, end.q[None])[0] > best:
+                return replace(end, converged=False, status="Below_Best")
+            if setting.bodies is None:
+                return end
+            x = setting.configurations(self.split(end.q[None]))[0]
+            near = setting.bodies.witnesses(x, setting.bodies.clearance + _MATTERS)
+            hit = tuple(each for each in near if each.distance < setting.bodies.clearance)
+            if hit:
+                # What it has run into joins the pairs that matter.
+                cuts += hit
+            elif not held_back(setting.bodies, cuts, x, near):
+                return end
+            else:
+                # A row of where it came from is in the way, and no body.
+                known, start, cuts = end, end.q, of_two(near)
+        return replace(end, converged=False, status="Collision") if known is None else known
 
-    def near(self, setting: Setting, q: Array) -> Near:
-        """Pairs of capsules that matter to a program that starts at a posture, (N,)."""
-        return self._near(setting, q, _MATTERS)
+    def near(self, setting: Setting, q: Array) -> tuple[Witness, ...]:
+        """Bodies that matter to a program that starts at a posture, (N,), the nearest first."""
+        return of_two(self._witnesses(setting, q, _MATTERS))
 
-    def runs_into(self, setting: Setting, q: Array) -> Near | None:
-        """Pairs of capsules that a program has let come too near at its end, (N,), or whose bodies
-        are nearer there than they tell, which is then mended; None where there are none.
-        """
-        hits = self._near(setting, q, -_TOUCHED)
-        if len(hits.rows):
-            return hits
-        if self.exactly(setting, q):
-            return None
-        assert setting.clearance is not None
-        setting.clearance.calibrate(setting.cell, self.split(q[None]), _MATTERS, cautious=True)
-        return self._near(setting, q, -_TOUCHED)
+    def runs_into(self, setting: Setting, q: Array) -> tuple[Witness, ...]:
+        """Bodies that a program has let come too near at its end, (N,)."""
+        return self._witnesses(setting, q, 0.0)
 
-    def _near(self, setting: Setting, q: Array, within: float) -> Near:
-        clearance = setting.clearance
-        if clearance is None:
-            return NOTHING_NEAR
-        return clearance.near(setting.cell, self.split(q[None]), clearance.every, within)
+    def _witnesses(self, setting: Setting, q: Array, beyond: float) -> tuple[Witness, ...]:
+        bodies = setting.bodies
+        if bodies is None:
+            return ()
+        x = setting.configurations(self.split(q[None]))[0]
+        return tuple(bodies.witnesses(x, bodies.clearance + beyond))
 
-    def slots(self, setting: Setting, near: Sequence[Near]) -> tuple[Slot, ...]:
-        """Room in a program for all of these pairs, one posture at a time."""
-        return () if setting.clearance is None else setting.clearance.slots(near)
+    def apart(self, cuts: Sequence[Sequence[Witness]]) -> Apart | None:
+        """Rows of a program that keep bodies apart, enough for any of some postures."""
+        return None if self.bodies is None else Apart.of(self.bodies, cuts)
 
-    def capsules(self, setting: Setting, slots: tuple[Slot, ...], near: Near) -> Array:
-        """The pairs of a posture as parameters of a program."""
-        clearance = setting.clearance
-        return np.zeros(0) if clearance is None else clearance.numbers(slots, near)
+    def kept_apart(self, apart: Apart | None, cuts: Sequence[Witness]) -> Array:
+        """The parameters of these rows."""
+        if apart is None or self.bodies is None:
+            return np.zeros(0)
+        return apart.given(self.bodies, cuts)
 
     def _run(
         self,
         setting: Setting,
-        slots: tuple[Slot, ...],
+        cuts: Sequence[Witness],
         start: Array,
         numbers: Array,
         beside: Array,
@@ -536,8 +507,10 @@ class Machinery:
     ) -> LocalSolve:
         if not np.all(np.isfinite(beside)):
             return LocalSolve(start, False, "Singular_Start", {})
-        given = Given(setting.cell.parameters, numbers, beside)
-        return self.built(None, slots).solve(start, [given], *bounds)
+        apart = self.apart([cuts])
+        given = np.concatenate([numbers, self.kept_apart(apart, cuts)])
+        place = Given(setting.cell.parameters, given, beside)
+        return self.built(None, apart).solve(start, [place], *bounds)
 
     def given(
         self, setting: Setting, q: Array, demands: Sequence[Sequence[Demand]] | None
@@ -576,16 +549,14 @@ class Machinery:
         """A posture as it is reported, by arm (n_i,)."""
         cell = setting.cell
         measured = self.meter.toward(setting.objective).measure(cell, joints)
-        return (
-            measured if self.clearance is None else with_collision(cell, measured, self.clearance)
-        )
+        return measured if self.bodies is None else with_collision(cell, measured, self.bodies)
 
     def overlap(self, cell: Cell, joints: Sequence[Array]) -> tuple[str, ...]:
         """A note where bodies overlap at a posture, by arm (n_i,), that nothing keeps apart."""
-        if self.clearance is not None:
+        if self.bodies is not None:
             return ()
         try:
-            return overlap_notes(cell, self.scene, joints)
+            return overlap_notes(cell, self.every_body, joints)
         except InputError:
             # Robots without shapes are no fault where none is asked for.
             return ()

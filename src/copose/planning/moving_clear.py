@@ -2,8 +2,7 @@
 
 With bodies in the way the arms are not independent: what one keeps clear of depends on where the
 others are. Each arm has nodes along its self-motion, at most `NODES` apart; one arm at a time moves
-by a node, through combinations that keep the clearance: by capsules, or by the bodies themselves
-where it is capsules that are in the way.
+by a node, through combinations that keep the clearance.
 """
 
 from __future__ import annotations
@@ -14,15 +13,15 @@ from itertools import permutations, product
 
 import numpy as np
 
+from copose.planning.clearing import alone_clear, keep_apart
 from copose.planning.curves import Curve
 from copose.planning.machinery import Machinery, Setting
 from copose.poses import Array, Indices, Mask
 
 # Between nodes, rad (or m).
 NODES = 0.05
-# Combinations whose bodies are measured where capsules are in the way; and arms of which all orders
-# are tried.
-_MEASURED, _ORDERED = 96, 4
+# Arms of which all orders are tried.
+_ORDERED = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +101,7 @@ def one_after_another(machinery: Machinery, setting: Setting, arms: Sequence[Nod
                 q = np.hstack([way if j == i else np.tile(x, (len(way), 1))
                                for j, x in enumerate(here)])  # fmt: skip
                 here[i] = way[-1]
-                clear = bool(_clear(machinery, setting, q))
+                clear = bool(machinery.clear(setting, q).all())
                 if not clear:
                     break
             if clear:
@@ -115,39 +114,26 @@ class Grid:
 
     Attributes:
         reached: those that can, (count_a, count_b); one column where one arm moves.
-        certain: whether no other can, as far as nodes tell.
     """
 
-    def __init__(self, machinery: Machinery, setting: Setting, arms: Sequence[Nodes]) -> None:
+    def __init__(self, setting: Setting, arms: Sequence[Nodes]) -> None:
         """Find everything that arms can come to from their starts."""
-        self._machinery, self._setting, self._arms = machinery, setting, arms
+        self._setting, self._arms = setting, arms
         self.moving = [i for i, nodes in enumerate(arms) if len(nodes.q) > 1][:2]
         assert all(len(nodes.q) == 1 for i, nodes in enumerate(arms) if i not in self.moving)
-        sizes = [len(arms[i].q) for i in self.moving]
-        self._shape = (*sizes, 1, 1)[:2]
         self._loops = [arms[i].loop for i in self.moving]
-        self.certain, self._left = True, _MEASURED
-        self._measured = np.zeros(self._shape, dtype=bool)
-        self._clear = self._by_capsules()
+        # Only what can be come to, and what is beside it, is asked for.
+        clear = self._alone()
+        known = ~clear
         first = self.index([nodes.start for nodes in arms])
-        if not self._clear[first]:
-            self._clear[first] = self._exactly(first)
-        self.reached = np.zeros(self._shape, dtype=bool)
-        self.reached[first] = self._clear[first]
-        self._spread()
-        while self.reached.any():
-            beside = np.argwhere(self._beside() & ~self._clear & ~self._measured)
-            if not len(beside):
-                break
-            if not self._left:
-                self.certain = False
-                break
-            for row in beside[: self._left]:
-                at = (int(row[0]), int(row[1]))
-                self._left -= 1
-                self._measured[at] = True
-                self._clear[at] = self._exactly(at)
-            self._spread()
+        self.reached, beside = np.zeros(clear.shape, dtype=bool), np.zeros(clear.shape, dtype=bool)
+        beside[first] = True
+        while (beside & ~known).any():
+            rows = np.argwhere(beside & ~known)
+            clear[tuple(rows.T)] = self._together(rows)
+            known |= beside
+            self.reached |= beside & clear
+            beside = self._beside() & clear
 
     def index(self, which: Sequence[int]) -> tuple[int, int]:
         """The entry of nodes by arm."""
@@ -162,62 +148,21 @@ class Grid:
         a, b = (*columns, nothing, nothing)[:2]
         return np.asarray(self.reached[a, b])
 
-    def _by_capsules(self) -> Mask:
-        clearance, cell = self._setting.clearance, self._setting.cell
-        assert clearance is not None
-        clear = np.ones(self._shape, dtype=bool)
-        alone = []
+    def _alone(self) -> Mask:
+        """Which combinations are of nodes that keep clear of all but the other arms."""
+        clear = np.ones([len(self._arms[i].q) for i in self.moving] or [1], dtype=bool)
+        clear = clear.reshape((*clear.shape, 1)[:2])
         for i, nodes in enumerate(self._arms):
-            q = [nodes.q if j == i else None for j in range(len(self._arms))]
-            bodies = clearance.placed(cell, q)
-            own = np.ones(len(nodes.q), dtype=bool)
-            own[clearance.among(bodies, clearance.own(i), 0.0).rows] = False
-            alone.append(bodies)
-            own, blocked = self._own(i, own)
-            if i not in self.moving:
-                clear &= bool(own.all())
-            elif i == self.moving[0]:
-                clear &= own[:, None]
-                self._measured |= blocked[:, None]
-            else:
-                clear &= own
-                self._measured |= blocked
-        rows = np.argwhere(clear)
+            mine = alone_clear(self._setting, i, nodes.q)
+            clear &= mine if i in self.moving[1:] else mine[:, None]
+        return clear
+
+    def _together(self, rows: Indices) -> Mask:
+        """Which entries, (count, 2), keep the arms clear of each other."""
         chosen = np.zeros((len(rows), len(self._arms)), dtype=np.intp)
         for column, i in enumerate(self.moving):
             chosen[:, i] = rows[:, column]
-        hit = rows[~clearance.keep_apart(alone, chosen)]
-        clear[hit[:, 0], hit[:, 1]] = False
-        return clear
-
-    def _own(self, i: int, clear: Mask) -> tuple[Mask, Mask]:
-        """Which nodes of arm i are clear of all but the other arms, and which are certainly not.
-
-        Capsules are trusted but where they end what is clear.
-        """
-        clearance, cell, nodes = self._setting.clearance, self._setting.cell, self._arms[i]
-        assert clearance is not None
-        pairs = clearance.own(i)
-        blocked = np.zeros(len(clear), dtype=bool)
-        while True:
-            beside = _beside(clear, 0, nodes.loop)
-            beside[nodes.start] = True
-            rows = np.flatnonzero(beside & ~clear & ~blocked)
-            if not len(rows):
-                return clear, blocked
-            if not self._left:
-                self.certain = False
-                return clear, blocked
-            for row in rows[: self._left]:
-                q = [nodes.q[row][None] if j == i else None for j in range(len(self._arms))]
-                self._left -= 1
-                clear[row] = clearance.exactly(cell, q, pairs)
-                blocked[row] = not clear[row]
-
-    def _exactly(self, at: tuple[int, int]) -> bool:
-        which = dict(zip(self.moving, at, strict=False))
-        q = [nodes.q[which.get(i, 0)] for i, nodes in enumerate(self._arms)]
-        return self._machinery.exactly(self._setting, np.concatenate(q))
+        return keep_apart(self._setting, [nodes.q for nodes in self._arms], chosen)
 
     def _beside(self) -> Mask:
         """Entries that are reached or next to one that is."""
@@ -225,13 +170,6 @@ class Grid:
         for axis, loop in enumerate(self._loops):
             found = found | _beside(self.reached, axis, loop)
         return found
-
-    def _spread(self) -> None:
-        while True:
-            more = self._beside() & self._clear
-            if (more == self.reached).all():
-                return
-            self.reached = more
 
 
 def _beside(some: Mask, axis: int, loop: bool) -> Mask:
@@ -244,9 +182,3 @@ def _beside(some: Mask, axis: int, loop: bool) -> Mask:
             edge[0 if way > 0 else -1] = False
         found |= shifted
     return found
-
-
-def _clear(machinery: Machinery, setting: Setting, q: Array) -> bool:
-    """Whether all of some combinations, (count, N), keep the clearance."""
-    blocked = np.flatnonzero(~machinery.clear(setting, q))
-    return len(blocked) <= _MEASURED and all(machinery.exactly(setting, q[k]) for k in blocked)

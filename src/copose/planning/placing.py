@@ -413,10 +413,7 @@ class PlacementSearch:
     ) -> LocalSolve | None:
         """One run of IPOPT over everything, with what it runs into kept apart."""
         machinery, freedom = self._machinery, self._freedom
-        settings = [
-            machinery.calibrated(self.setting(k, x), q)
-            for k, (x, q) in enumerate(zip(here.x, here.q, strict=True))
-        ]
+        settings = [self.setting(k, x) for k, x in enumerate(here.x)]
         numbers, beside = [], []
         for k, (setting, q) in enumerate(zip(settings, here.q, strict=True)):
             wanted = None if demands is None else [demands[k]]
@@ -436,30 +433,27 @@ class PlacementSearch:
         near = [machinery.near(s, q) for s, q in zip(settings, here.q, strict=True)]
         end = None
         for _ in range(_COLLISIONS):
-            slots = machinery.slots(settings[0], near)
+            apart = machinery.apart(near)
             given = [
                 Given(
                     places[k],
-                    np.concatenate([numbers[k], machinery.capsules(settings[k], slots, near[k])]),
+                    np.concatenate([numbers[k], machinery.kept_apart(apart, near[k])]),
                     beside[k],
                     self.weights[k],
                 )
                 for k in range(len(settings))
             ]
-            end = machinery.built(self._places, slots).solve(start, given, lower, upper)
+            end = machinery.built(self._places, apart).solve(start, given, lower, upper)
             if not end.converged:
                 return end
             there = self._evaluated(end.q)
-            hits = []
-            for k, (x, q) in enumerate(zip(there.x, there.q, strict=True)):
-                moved = replace(self.setting(k, x), clearance=settings[k].clearance)
-                hits.append(machinery.runs_into(moved, q))
-            if all(hit is None for hit in hits):
-                return end
-            near = [
-                mine if hit is None else mine.joined(hit)
-                for mine, hit in zip(near, hits, strict=True)
+            hits = [
+                machinery.runs_into(self.setting(k, x), q)
+                for k, (x, q) in enumerate(zip(there.x, there.q, strict=True))
             ]
+            if not any(hits):
+                return end
+            near = [mine + hit for mine, hit in zip(near, hits, strict=True)]
         return None if end is None else replace(end, converged=False, status="Collision")
 
     def _apart(self, one: Placed, other: Placed) -> float:

@@ -217,7 +217,7 @@ class Planner:
 
     def _setting(self, object_pose: Mapping[str, object] | None) -> Setting:
         if object_pose is None:
-            return self._nominal.fresh()
+            return self._nominal
         return self._machinery.setting(self._machinery.cell.moved(object_pose))
 
     def measure(

@@ -265,7 +265,7 @@ class PostureProgram:
         given, slots = symbols, ca.SX(0, 1)
         constraints = closure_constraints(system, None if places is None else places.pinned)
         if kept_apart is not None:
-            slots = ca.SX.sym("capsules", kept_apart.numbers)
+            slots = ca.SX.sym("witnesses", kept_apart.numbers)
             constraints = (*constraints, *kept_apart.constraints(system, slots))
         beside: list[ca.SX] = []
         if cell.problem.constraints.static_torque:

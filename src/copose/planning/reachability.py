@@ -151,7 +151,7 @@ def reachable(
         samples: closed postures of each arm, (count, n_i), that help where it has more than one
             degree of freedom to spare.
     """
-    cell, clear = setting.cell, setting.clearance is not None
+    cell, clear = setting.cell, setting.bodies is not None
     K = len(cell.arms)
     known: list[bool | None] = [None] * K
     why = [""] * K
@@ -202,7 +202,7 @@ def _kept_clear(
     trails: Sequence[Sequence[Array] | None],
 ) -> tuple[bool | None, tuple[str, ...]]:
     """Whether arms that can come to a posture by themselves do so side by side."""
-    if not machinery.exactly(setting, np.concatenate(start)):
+    if not machinery.clear(setting, np.concatenate(start)[None])[0]:
         return None, ()
     arms = []
     for curve, trail, here, there in zip(curves, trails, start, end, strict=True):
@@ -219,7 +219,7 @@ def _kept_clear(
     moving = [nodes for nodes in arms if len(nodes.q) > 1]
     if len(moving) > 2 or any(trail is not None for trail in trails):
         return None, ()
-    grid = Grid(machinery, setting, arms)
+    grid = Grid(setting, arms)
     if grid.reached[grid.index([nodes.end or 0 for nodes in arms])]:
         return True, ()
     # An arm on a surface that need not move might make way.
@@ -227,7 +227,7 @@ def _kept_clear(
         arm.fixed or kernels.n <= kernels.m or (curve is not None and curve.complete)
         for arm, kernels, curve in zip(setting.cell.arms, machinery.arms, curves, strict=True)
     )
-    return (False, ("bodies are in the way",)) if grid.certain and whole else (None, ())
+    return (False, ("bodies are in the way",)) if whole else (None, ())
 
 
 def _explored(

@@ -27,7 +27,6 @@ from copose.planning.search import (
     local_search,
     search,
 )
-from copose.planning.tightening import tightened
 from copose.planning.within_reach import WithinReach
 from copose.poses import Array
 from copose.progress import StoppedError, heed, sheltered, stage
@@ -147,13 +146,13 @@ class Run:
             if beyond is not None:
                 reason, sure = beyond
                 return self._none(found, effort, reason, before, notes, sure=sure)
-        found = so_far.found = self._tightened(found, within)
+        so_far.found = found
         after, value = self._best(found, before, within)
         verification = None
         if verify and value is not None:
             verification, better = self._verified(effort, value, within)
             if better is not None:
-                found = so_far.found = self._tightened(better, within)
+                found = so_far.found = better
                 after, value = self._best(found, before, within)
         reached = self._reached(found, before, after, within)
         if reached.why and any(arm.start is not None for arm in self.cell.arms):
@@ -218,13 +217,6 @@ class Run:
             search=self._record(found, self.seed, effort, None),
             timing=self.timing,
         )
-
-    def _tightened(self, found: Found, within: WithinReach | None) -> Found:
-        tight = tightened(self.machinery, self.setting, found)
-        if within is None or self.setting.clearance is None:
-            return tight
-        # What gives way may leave what the arms can come to.
-        return within.confirmed(tight)
 
     def _reached(
         self,
@@ -419,13 +411,12 @@ class Run:
         """Whether everything keeps the clearance, where it must."""
         found = measured.posture.collision
         clearance = self.cell.problem.constraints.clearance
-        return self.machinery.clearance is None or found is None or found.distance >= clearance
+        return self.machinery.bodies is None or found is None or found.distance >= clearance
 
     def overlap(self, measured: Measurement | None) -> tuple[str, ...]:
         """A note where bodies of an answer overlap that nothing keeps apart, or on their shapes."""
-        clearance = self.machinery.clearance
-        if clearance is not None:
-            return clearance.scene.notes
+        if self.machinery.bodies is not None:
+            return self.machinery.scene.notes
         if measured is None:
             return ()
         joints = [np.array(q) for q in measured.posture.joints.values()]

@@ -5,13 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 
 from copose.planning.cell import Cell
 from copose.planning.clearance import Blocked
-from copose.planning.clearing import clear_alone, clear_postures, in_each_others_way
+from copose.planning.clearing import (
+    alone_clear,
+    clear_postures,
+    in_each_others_way,
+    keep_apart,
+)
 from copose.planning.climbing import SAME_OBJECTIVE, Climbs, gathered
 from copose.planning.judging import judged
 from copose.planning.machinery import Machinery, Setting
@@ -172,10 +178,10 @@ def search(machinery: Machinery, setting: Setting, seed: int, effort: Effort) ->
         return Found(tuple(samples))
     postures = [sample.closed for sample in samples]
     near = [sample.neighbours for sample in samples]
-    blind = replace(setting, clearance=None)
+    blind = replace(setting, bodies=None)
     polished = Climbs(machinery, blind, effort.polished)
     found = compared(polished, samples, postures, near, seed, effort)
-    if setting.clearance is None:
+    if setting.bodies is None:
         return found
     # What bodies in the way leave is worth no more than what there is without them.
     if over():
@@ -280,13 +286,13 @@ def _stand_in(polished: Climbs, starts: Array) -> None:
     been none: a sample that is allowed stands in for it.
     """
     machinery, setting = polished.machinery, polished.setting
-    if not len(starts) or (setting.clearance is None and not over()):
+    if not len(starts) or (setting.bodies is None and not over()):
         return
     starts = starts[: _ASKED if over() else None]
     for start, value in zip(starts, machinery.objectives(setting, starts), strict=True):
         if value <= polished.best:
             break
-        if machinery.exactly(setting, start) and machinery.held(setting, start[None])[0]:
+        if machinery.allowed(setting, start[None])[0]:
             polished.keep(start, value)
             break
 
@@ -337,8 +343,8 @@ def _combine(
             if K > 1 and kernels.n > kernels.m and not cell.arms[i].fixed:
                 found = polished.responses(i, postures_of[i], most)
                 postures[i] = np.vstack([postures[i], found])
-        if setting.clearance is not None:
-            postures = [clear_alone(setting, i, p) for i, p in enumerate(postures)]
+        if setting.bodies is not None:
+            postures = [p[alone_clear(setting, i, p)] for i, p in enumerate(postures)]
             if not all(map(len, postures)):
                 break
         near = [np.zeros((len(mine), 0), dtype=np.intp) for mine in postures]
@@ -381,19 +387,8 @@ def _screened(
     allowed: Allowed | None = None,
 ) -> Screened:
     terms = [machinery.terms(setting, i, mine) for i, mine in enumerate(postures)]
-    clearance = setting.clearance
-    if clearance is not None and allowed is None:
-        alone = [
-            clearance.placed(setting.cell, [mine if j == i else None for j in range(len(postures))])
-            for i, mine in enumerate(postures)
-        ]
-
-        def clear(chosen: Indices) -> Mask:
-            """Whether arms that keep clear alone keep clear of each other."""
-            return clearance.keep_apart(alone, chosen)
-
-        allowed = clear
-
+    if setting.bodies is not None and allowed is None:
+        allowed = partial(keep_apart, setting, postures)
     if machinery.static:
         # A combination that cannot be held may stand above a neighbour that can.
         neighbours = [near[:, :0] for near in neighbours]

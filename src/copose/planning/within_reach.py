@@ -12,8 +12,8 @@ from itertools import islice, product
 
 import numpy as np
 
-from copose.planning.clearance import Blocked
-from copose.planning.clearing import clear_alone, clear_postures, in_each_others_way
+from copose.planning.clearance import Blocked, in_the_way
+from copose.planning.clearing import alone_clear, clear_postures, in_each_others_way
 from copose.planning.climbing import Climbs
 from copose.planning.closing import CLOSED, project
 from copose.planning.curves import SPACING
@@ -117,8 +117,8 @@ class WithinReach:
                 missed=sample.missed,
             ))  # fmt: skip
         grid, nodes = None, tuple[Nodes, ...]()
-        if setting.clearance is not None and too_near is None:
-            grid, nodes = _gridded(machinery, setting, here, components)
+        if setting.bodies is not None and too_near is None:
+            grid, nodes = _gridded(setting, here, components)
         return cls(
             machinery, setting, tuple(here), tuple(samples), tuple(components), grid, nodes,
             too_near,
@@ -147,7 +147,7 @@ class WithinReach:
         climbs = Climbs(machinery, setting, effort.polished)
         postures = [sample.closed for sample in samples]
         near = [sample.neighbours for sample in samples]
-        if setting.clearance is None:
+        if setting.bodies is None:
             return self.confirmed(compared(climbs, samples, postures, near, seed, effort))
         if self.grid is not None:
             postures = [nodes.q for nodes in self.nodes]
@@ -201,7 +201,7 @@ class WithinReach:
         """A posture, (N,), with its joints in the turn in which they can be come to, or None."""
         parts = self.setting.cell.system.split(q)
         turns = [self._turns(i, part) for i, part in enumerate(parts)]
-        if self.setting.clearance is None:
+        if self.setting.bodies is None:
             found = []
             for mine, some in zip(self.components, turns, strict=True):
                 there = next((each for each in some if mine.holds(each)), None)
@@ -257,25 +257,23 @@ def _standing(
     """
     here = [sample.closed[0] if start is None else start
             for sample, start in zip(known, starts, strict=True)]  # fmt: skip
-    clearance, cell = setting.clearance, setting.cell
-    if clearance is None or machinery.exactly(setting, np.concatenate(here)):
+    bodies = setting.bodies
+    if bodies is None or machinery.clear(setting, np.concatenate(here)[None])[0]:
         return here, None
-    some = [clear_alone(setting, i, sample.closed) if start is None else start[None]
+    some = [sample.closed[alone_clear(setting, i, sample.closed)] if start is None else start[None]
             for i, (sample, start) in enumerate(zip(known, starts, strict=True))]  # fmt: skip
     if all(len(each) for each in some) and any(s is None for s in starts):
         rng = np.random.default_rng([seed, len(some), 2])
         q = np.hstack([each[rng.integers(0, len(each), _DRAWN)] for each in some])
         clear = np.flatnonzero(machinery.clear(setting, q))
         if len(clear):
-            return [np.asarray(part) for part in cell.system.split(q[clear[0]])], None
-    alone = [q[None] for q in here]
-    near = clearance.near(cell, alone, clearance.every, 0.0, calibrated=False)
+            return [np.asarray(part) for part in setting.cell.system.split(q[clear[0]])], None
     given = all(start is not None for start in starts)
-    return here, clearance.in_the_way(cell, alone, near, 1, every=given)
+    blocked = in_the_way(bodies, setting.configurations(here), bodies.every, every=given)
+    return here, blocked
 
 
 def _gridded(
-    machinery: Machinery,
     setting: Setting,
     start: Sequence[Array],
     components: Sequence[Component],
@@ -291,5 +289,5 @@ def _gridded(
             return None, ()
     if sum(len(each.q) > 1 for each in nodes) > 2:
         return None, ()
-    grid = Grid(machinery, setting, nodes)
+    grid = Grid(setting, nodes)
     return grid, tuple(nodes)
