@@ -18,9 +18,9 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-
 from copose.collision.capsules import Capsule
 from copose.collision.remembered import remembered
+
 from copose.kernels import Kernel, build, cache
 
 DAMAGE = """

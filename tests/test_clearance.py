@@ -9,7 +9,6 @@ import math
 import re
 from collections.abc import Iterator
 
-import casadi as ca
 import numpy as np
 import pytest
 from cases import Case
@@ -20,13 +19,8 @@ from truth import Truth
 import cells
 import copose
 import reference
-from capsule_distances import capsule_bounds, segment_distances
 from copose.cli import main
-from copose.mechanics.segments import squared_distance
-from copose.planning.cell import Cell
-from copose.planning.clearance import Clearance
-from copose.robots import finite_range
-from test_collision import Setting, all_distances, gap_2d, segments
+from test_collision import Setting, all_distances, gap_2d
 
 CLEARANCE, TOLERANCE = 0.01, 1e-6
 CLOSED, RECOMPUTED, WORSE = 1e-8, 1e-8, 1e-6
@@ -100,8 +94,8 @@ def test_answers_of_random_cells_keep_clear(robot: str, seed: int) -> None:
     checked(table, copose.Planner(copose.parse(table)).solve())
 
 
-def test_an_answer_is_no_worse_than_a_clear_posture_that_capsules_forbid() -> None:
-    # Its links are 15 mm apart, the capsules round them overlap.
+def test_an_answer_is_no_worse_than_a_clear_posture_that_is_known() -> None:
+    # Its links are 15 mm apart, round bodies about them would overlap.
     table = random_cell("xarm7", 17).tables
     for obstacle in table["obstacles"]:
         if obstacle["shape"]["kind"] == "sphere":
@@ -161,7 +155,7 @@ def test_between_walls_no_sampled_posture_is_better(
     above = np.flatnonzero(table > value + WORSE)
     for i, j in zip(*np.unravel_index(above, (len(one), len(other))), strict=True):
         q = [one[i], other[j]]
-        nearest = setting.scene.nearest(setting.at(q))
+        nearest = setting.bodies.nearest(setting.x(q))
         if nearest.distance >= CLEARANCE:
             assert least(all_distances(setting, q)) < CLEARANCE
     assert len(above) > 100
@@ -360,113 +354,6 @@ def test_three_arms_keep_clear_of_each_other(seed: int, space: str) -> None:
     assert solution.objective.after >= best - WORSE
 
 
-# Kernels
-
-
-def postures(setting: Setting, count: int, seed: int) -> list[np.ndarray]:
-    rng = np.random.default_rng(seed)
-    return [
-        rng.uniform(*finite_range(arm.lower, arm.upper), (count, arm.n)) for arm in setting.arms
-    ]
-
-
-@pytest.fixture(scope="module", params=["panda", "xarm7", "planar"])
-def kernels(request: pytest.FixtureRequest) -> tuple[Setting, Cell, Clearance]:
-    name = request.param
-    setting = Setting.of(planar(1, "planar") if name == "planar" else robots(name, 0))
-    cell = Cell.of(setting.problem)
-    return setting, cell, Clearance(cell, setting.scene)
-
-
-def test_capsules_are_as_near_as_the_scene_has_them(
-    kernels: tuple[Setting, Cell, Clearance],
-) -> None:
-    setting, cell, clearance = kernels
-    q = postures(setting, 12, 4)
-    clear = clearance.clear(cell, q, clearance.every)
-    slack = clearance.slack
-    near = clearance.near(cell, q, clearance.every, 0.05, calibrated=False)
-    pair_of = {(i, j): k for k, (i, j) in enumerate(map(tuple, setting.scene.pairs))}
-    owner = np.repeat(
-        np.arange(len(setting.scene.solids)), [len(s.capsules) for s in setting.scene.solids]
-    )
-    assert np.all(slack >= 0)
-    for row in range(12):
-        bounds = capsule_bounds(setting.scene, setting.at([mine[row] for mine in q]))
-        spare = bounds - CLEARANCE - 2e-6
-        found = np.full(len(bounds), np.inf)
-        for k in np.flatnonzero(near.rows == row):
-            pair = pair_of[owner[near.first[k]], owner[near.second[k]]]
-            found[pair] = min(found[pair], near.spare[k])
-        close = spare < 0.05 - 1e-9
-        np.testing.assert_allclose(found[close], spare[close], atol=1e-9)
-        assert np.all(found[spare > 0.05 + 1e-9] == np.inf)
-        assert clear[row] == np.all(spare + slack >= 0)
-    some = np.arange(0, len(setting.scene.pairs), 3)
-    part = clearance.near(cell, q, some, 0.05, calibrated=False)
-    here = [pair_of[owner[a], owner[b]] in set(some.tolist())
-            for a, b in zip(near.first, near.second, strict=True)]  # fmt: skip
-    np.testing.assert_array_equal(np.sort(part.spare), np.sort(near.spare[here]))
-
-
-def test_arms_alone_keep_apart_as_they_do_together(
-    kernels: tuple[Setting, Cell, Clearance],
-) -> None:
-    setting, cell, clearance = kernels
-    q = postures(setting, 40, 6)
-    alone = [
-        clearance.placed(cell, [mine if j == i else None for j, mine in enumerate(q)])
-        for i in range(2)
-    ]
-    chosen = np.argwhere(np.ones((40, 40), dtype=bool))
-    together = [mine[k] for mine, k in zip(q, chosen.T, strict=True)]
-    clear = np.ones(len(chosen), dtype=bool)
-    clear[clearance.near(cell, together, clearance.shared, 0.0).rows] = False
-    assert 0 < clear.sum() < len(clear)
-    np.testing.assert_array_equal(clearance.keep_apart(alone, chosen), clear)
-
-
-KINDS = ["any", "parallel", "collinear", "crossing", "point", "points", "nearly parallel", "joined"]
-
-
-@pytest.fixture(scope="module")
-def squared() -> tuple[ca.Function, ca.Function]:
-    x = ca.SX.sym("x", 12)
-    value = squared_distance(*ca.vertsplit(x, 3))
-    return ca.Function("f", [x], [value]), ca.Function("g", [x], [ca.gradient(value, x)])
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_squares_of_distances_of_segments(
-    kind: str, squared: tuple[ca.Function, ca.Function]
-) -> None:
-    value, gradient = squared
-    rng = np.random.default_rng(8)
-    for _ in range(30):
-        ends = segments(kind, rng)
-        x = np.concatenate(ends)
-        wanted = segment_distances(*(end[None] for end in ends))[0]
-        # Of nearly parallel segments the truth itself is rounded.
-        assert float(value(x)) == pytest.approx(wanted**2, rel=1e-7, abs=1e-9)
-        slope = np.array(gradient(x)).ravel()
-        assert np.all(np.isfinite(slope))
-        if kind not in ("any", "crossing", "point", "points"):
-            continue
-        # Both ends of a point move together.
-        still = [kind == "points", kind in ("point", "points")]
-
-        def exact(there: np.ndarray) -> float:
-            return segment_distances(*(end[None] for end in np.split(there, 4)))[0] ** 2
-
-        steps = 1e-6 * np.eye(12)
-        differences = [(exact(x + step) - exact(x - step)) / 2e-6 for step in steps]
-        found, wanted_slope = (np.reshape(each, (2, 2, 3)) for each in (slope, differences))
-        for mine, truth, point in zip(found, wanted_slope, still, strict=True):
-            if point:
-                mine, truth = mine.sum(axis=0), truth.sum(axis=0)
-            np.testing.assert_allclose(mine, truth, atol=2e-5)
-
-
 # What cannot be, and what is told
 
 
@@ -526,7 +413,7 @@ def test_an_object_within_an_obstacle_is_infeasible() -> None:
 
 
 def test_an_object_just_clear_of_obstacles_is_not_infeasible(walls: dict) -> None:
-    # Boxes stick out of nothing but their capsules: these must not decide.
+    # Nothing round the boxes must decide.
     table = copy.deepcopy(walls)
     for beyond in (2e-5, 2e-4):
         shelf = {"kind": "box", "size": [0.2, 0.25, 0.02]}

@@ -8,21 +8,21 @@ import math
 import os
 import shutil
 import struct
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.optimize import lsq_linear
 from scipy.spatial import ConvexHull
 
 import cells
 import copose
 import reference
-from capsule_distances import capsule_bounds, segment_distances
 from copose.collision import (
+    Bodies,
     Carrier,
     Mesh,
     Placements,
@@ -31,6 +31,7 @@ from copose.collision import (
     Solid,
     carrier_poses,
     carriers_of,
+    configurations,
 )
 from copose.collision.pairs import possible_pairs
 from copose.errors import InputError
@@ -74,10 +75,19 @@ class Setting:
         names = self.names
         return {frozenset((names[i], names[j])) for i, j in self.scene.pairs}
 
+    @cached_property
+    def bodies(self) -> Bodies:
+        return self.scene.bodies(self.arms, self.problem.constraints.clearance)
+
+    def x(self, q: list[np.ndarray]) -> np.ndarray:
+        bases = [arm.base for arm in self.arms]
+        return configurations(self.arms, bases, q, self.problem.object.pose)[0]
+
     def at(self, q: list[np.ndarray]) -> Placements:
-        return carrier_poses(
-            self.arms, [arm.base for arm in self.arms], q, self.problem.object.pose
-        )
+        return self.bodies.placed(self.x(q)[None])[0]
+
+    def exact(self, q: list[np.ndarray]) -> np.ndarray:
+        return self.bodies.distances(self.at(q), self.bodies.every)
 
     def drawn(self, seed: int) -> list[np.ndarray]:
         rng = np.random.default_rng(seed)
@@ -211,27 +221,25 @@ def test_every_shape_is_a_solid(setting: Setting) -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_distances_are_pinocchios(setting: Setting, seed: int) -> None:
+    """Where bodies are apart; Pinocchio knows no depth, nor what lies wholly within a mesh."""
     q = setting.drawn(seed)
-    where, expected = setting.at(q), all_distances(setting, q)
-    distances, names = setting.scene.distances, setting.names
-    for k, (i, j) in enumerate(setting.scene.pairs):
-        wanted, found = expected[frozenset((names[i], names[j]))], distances.exact(k, where)
-        assert found <= 0 if wanted <= 0 else found == pytest.approx(wanted, abs=GJK)
-    nearest = setting.scene.nearest(where)
-    assert nearest is not None
-    # Pinocchio does not see what lies wholly within a mesh.
-    within = [setting.scene.pairs[k] for k in distances.enclosed(where)]
-    enclosed = {frozenset((names[i], names[j])) for i, j in within}
+    bodies, expected = setting.bodies, all_distances(setting, q)
+    found = {frozenset(bodies.names(k)): d for k, d in enumerate(setting.exact(q))}
+    for pair, wanted in expected.items():
+        assert (
+            found[pair] <= 0
+            if wanted <= 0 or found[pair] <= 0
+            else found[pair] == (pytest.approx(wanted, abs=GJK))
+        )
+    enclosed = {pair for pair in expected if found[pair] <= 0 < expected[pair]}
+    nearest, hit = bodies.nearest(setting.x(q)), bodies.overlapping(setting.x(q))
+    assert nearest is not None and nearest.distance == min(found.values())
     if min(expected.values()) > 0 and not enclosed:
-        assert nearest.distance == pytest.approx(min(expected.values()), abs=GJK)
         assert expected[frozenset(nearest.pair)] == pytest.approx(nearest.distance, abs=GJK)
-        assert setting.scene.overlapping(where) is None
+        assert hit is None
     else:
         assert nearest.distance <= 0
-        assert expected[frozenset(nearest.pair)] <= 0 or frozenset(nearest.pair) in enclosed
-        first = setting.scene.overlapping(where)
-        assert first is not None
-        assert expected[frozenset(first)] <= 0 or frozenset(first) in enclosed
+        assert hit is not None and found[frozenset(hit)] <= 0
 
 
 def test_some_of_these_postures_are_free_and_others_are_not(pandas: Setting) -> None:
@@ -239,32 +247,56 @@ def test_some_of_these_postures_are_free_and_others_are_not(pandas: Setting) -> 
     assert min(least) <= 0 < max(least)
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_nearest_is_the_least_of_all(setting: Setting, seed: int) -> None:
-    where = setting.at(setting.drawn(100 + seed))
-    distances = setting.scene.distances
-    exact = np.array([distances.exact(k, where) for k in range(len(setting.scene.pairs))])
-    nearest = setting.scene.nearest(where)
-    assert nearest is not None
-    if not distances.enclosed(where):
-        assert nearest.distance == pytest.approx(exact.min(), abs=GJK)
-    assert np.all(distances.ball_bounds(where) <= np.maximum(exact, 0) + GJK)
-    for k in range(0, len(exact), 5):
-        capped = distances.exact(k, where, 0.02)
-        assert capped == pytest.approx(min(exact[k], 0.02), abs=GJK) or exact[k] <= 0 >= capped
+@pytest.mark.parametrize("seed", range(6))
+def test_bounds_are_never_larger_than_distances(setting: Setting, seed: int) -> None:
+    q = setting.drawn(100 + seed)
+    bodies, where, exact = setting.bodies, setting.at(q), setting.exact(q)
+    hulls = bodies.hull_distances(where, bodies.every)
+    assert np.all(bodies.bounds(where, bodies.every) <= hulls + 1e-9)
+    assert np.all(hulls <= np.maximum(exact, 0) + 1e-9)
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_distances_of_capsules_are_never_larger(pandas: Setting, seed: int) -> None:
-    # Of links and the rod: large boxes and cylinders take long to be covered.
-    kept = [n for n, name in enumerate(pandas.names) if "/" in name or name == "rod"]
-    solids = tuple(pandas.scene.solids[n] for n in kept)
-    pairs = np.array([[kept.index(i), kept.index(j)] for i, j in pandas.scene.pairs
-                      if i in kept and j in kept])  # fmt: skip
-    scene = replace(pandas.scene, solids=solids, pairs=pairs)
-    where = pandas.at(pandas.drawn(200 + seed))
-    exact = np.array([scene.distances.exact(k, where) for k in range(len(pairs))])
-    assert np.all(capsule_bounds(scene, where) <= np.maximum(exact, 0) + GJK)
+def test_what_keeps_clear_is_what_distances_say(setting: Setting) -> None:
+    """Of single pairs, of each arm's own, of two arms' and of all, whatever was asked before."""
+    bodies, rng = setting.bodies, np.random.default_rng(0)
+    drawn = [setting.drawn(300 + k) for k in range(25)]
+    x = np.array([setting.x(q) for q in drawn])
+    near = np.array([setting.exact(q) < bodies.clearance for q in drawn])
+    for pairs in (bodies.every, bodies.own(0), bodies.own(1), bodies.shared):
+        clear = bodies.clear(x, pairs)
+        np.testing.assert_array_equal(clear, ~near[:, pairs].any(axis=1))
+        order = rng.permutation(len(x))
+        np.testing.assert_array_equal(bodies.clear(x[order], pairs), clear[order])
+    for row, mine in zip(x[:5], near[:5], strict=True):
+        np.testing.assert_array_equal(bodies.too_near(row, bodies.every), mine)
+
+
+def test_normals_at_witnesses_are_slopes_of_distances(pandas: Setting) -> None:
+    """n·(b − a) moved along with the carriers, against differences of distances."""
+    bodies, seen = pandas.bodies, 0
+    for seed in range(40):
+        q = pandas.drawn(500 + seed)
+        x = pandas.x(q)
+        witnesses = [w for w in bodies.witnesses(x, 0.1) if w.distance > 1e-3]
+        here = bodies.placed(x[None])[0]
+        number = {carrier: k for k, carrier in enumerate(bodies.carriers)}
+        step = np.random.default_rng(seed).normal(size=sum(map(len, q)))
+        for w in witnesses[:3]:
+            ends = []
+            for h in (-1e-5, 1e-5):
+                moved = np.split(np.concatenate(q) + h * step, [len(q[0])])
+                there = pandas.at(moved)
+                a, b = (there.rotations[number[c]] @ p + there.positions[number[c]]
+                        for c, p in ((w.first, w.a), (w.second, w.b)))  # fmt: skip
+                exact = bodies.distances(there, np.array([w.pair]))[0]
+                ends.append((w.normal @ (b - a), exact))
+            if bodies.distances(here, np.array([w.pair]))[0] < w.distance - 1e-9:
+                continue
+            rows, exact = np.diff(np.array(ends), axis=0)[0] / 2e-5
+            assert w.distance == pytest.approx(np.mean([d for d, _ in ends]), abs=1e-6)
+            seen += abs(rows - exact) < 1e-3 * (1 + abs(exact))
+            seen -= abs(rows - exact) > 1e-2 * (1 + abs(exact))
+    assert seen > 20
 
 
 CHAINS = {
@@ -297,7 +329,7 @@ def test_frames_are_pinocchios(chain: dict) -> None:
     own = ca.Function("f", [x], [ca.horzcat(f.rotation, f.position) for f in frames])
     for seed in range(5):
         q = np.random.default_rng(seed).uniform(*finite_range(arm.lower, arm.upper))
-        where = carrier_poses([arm], [arm.base], [q], problem.object.pose)
+        where = carrier_poses([arm], configurations([arm], [arm.base], [q], problem.object.pose))[0]
         data = truth.model.createData()
         pin.forwardKinematics(truth.model, data, truth.configuration(q))
         numbers = {carrier: k for k, carrier in enumerate(carriers_of([arm]))}
@@ -315,8 +347,9 @@ def test_frames_are_pinocchios(chain: dict) -> None:
             (Carrier("object"), problem.object.pose),
             (Carrier("root", 0), arm.base),
         ]:
-            np.testing.assert_array_equal(where.rotations[numbers[carrier]], pose.rotation)
-            np.testing.assert_array_equal(where.positions[numbers[carrier]], pose.position)
+            k = numbers[carrier]
+            np.testing.assert_allclose(where.rotations[k], pose.rotation, atol=1e-15)
+            np.testing.assert_array_equal(where.positions[k], pose.position)
 
 
 def test_other_bases_and_objects_move_what_hangs_on_them(pandas: Setting) -> None:
@@ -324,7 +357,8 @@ def test_other_bases_and_objects_move_what_hangs_on_them(pandas: Setting) -> Non
     q = pandas.drawn(3)
     here = pandas.at(q)
     bases = [moved @ arm.base for arm in pandas.arms]
-    there = carrier_poses(pandas.arms, bases, q, moved @ pandas.problem.object.pose)
+    x = configurations(pandas.arms, bases, q, moved @ pandas.problem.object.pose)
+    there = carrier_poses(pandas.arms, x)[0]
     for k in range(1, len(here.positions)):
         np.testing.assert_allclose(
             there.positions[k], moved.rotation @ here.positions[k] + moved.position, atol=1e-12
@@ -334,44 +368,7 @@ def test_other_bases_and_objects_move_what_hangs_on_them(pandas: Setting) -> Non
         )
 
 
-# Segments
-
-
-def segments(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
-    a0, a1, b0, b1 = rng.normal(size=(4, 3))
-    if kind == "parallel":
-        b1 = b0 + rng.normal() * (a1 - a0)
-    elif kind == "collinear":
-        b0, b1 = (a0 + x * (a1 - a0) for x in rng.normal(size=2) * 3)
-    elif kind == "crossing":
-        b1 = a0 + rng.uniform() * (a1 - a0)
-        b0, b1 = b1 - (b0 - b1), b0
-    elif kind == "point":
-        b1 = b0
-    elif kind == "points":
-        a1, b1 = a0, b0
-    elif kind == "nearly parallel":
-        b1 = b0 + (a1 - a0) + 1e-8 * rng.normal(size=3)
-    elif kind == "joined":
-        b0 = a1
-    return a0, a1, b0, b1
-
-
-@pytest.mark.parametrize("kind", ["any", "parallel", "collinear", "crossing", "point", "points",
-                                  "nearly parallel", "joined"])  # fmt: skip
-def test_segment_distances(kind: str) -> None:
-    rng = np.random.default_rng(5)
-    rows = [segments(kind, rng) for _ in range(60)]
-    found = segment_distances(*(np.array(column) for column in zip(*rows, strict=True)))
-    for (a0, a1, b0, b1), distance in zip(rows, found, strict=True):
-        A = np.column_stack([a1 - a0, b0 - b1])
-        best = lsq_linear(A, b0 - a0, bounds=(0, 1), tol=1e-14, method="bvls")
-        assert distance == pytest.approx(math.sqrt(2 * best.cost), abs=1e-7)
-        if kind in ("crossing", "joined"):
-            assert distance == pytest.approx(0, abs=1e-7)
-
-
-# Capsules
+# Hulls
 
 
 def outline(solid: Solid) -> np.ndarray:
@@ -406,32 +403,23 @@ def outline(solid: Solid) -> np.ndarray:
     return np.vstack(found)
 
 
-def outside(solid: Solid) -> float:
-    """How far the farthest point of a solid's surface is from its capsules."""
-    points = outline(solid)
-    gaps = []
-    for capsule in solid.capsules:
-        a, b = (np.broadcast_to(end, points.shape) for end in (capsule.a, capsule.b))
-        gaps.append(segment_distances(points, points, a, b) - capsule.radius)
-    return float(np.min(gaps, axis=0).max())
-
-
-def test_capsules_enclose_solids(pandas: Setting, baxter: Setting) -> None:
-    # Some of each kind, for covering takes long: meshes, the fingers' boxes, a cylinder, a sphere.
-    some = [f"left/panda_{link}" for link in ("link2", "link5", "link7", "hand", "leftfinger")]
-    some += ["rod", "left/left_lower_shoulder", "left/head"]
-    found = {solid.name: solid for each in (pandas, baxter) for solid in each.scene.solids}
-    for name in some:
-        assert found[name].capsules
-        assert outside(found[name]) <= 1e-8, name
-
-
-def test_capsules_enclose_planar_shapes_and_lie_in_the_plane() -> None:
-    scene = planar_cell().scene
-    for solid in scene.solids:
-        assert outside(solid) <= 1e-8, solid.name
-        for capsule in solid.capsules:
-            assert abs(capsule.a[2]) < 1e-15 > abs(capsule.b[2])
+def test_hulls_enclose_solids(pandas: Setting, baxter: Setting) -> None:
+    """And no point of a hull is farther from what it encloses than it says."""
+    for each in (pandas, baxter, planar_cell()):
+        for solid in each.scene.solids:
+            points, hulls = outline(solid), []
+            for part in solid.parts:
+                corners, beyond = part.shape.hull
+                pose = solid.placement @ part.placement
+                hulls.append((corners @ pose.rotation.T + pose.position, beyond))
+            # In random directions a solid reaches no farther than one of its hulls.
+            for d in np.random.default_rng(0).normal(size=(20, 3)):
+                d /= np.linalg.norm(d)
+                if solid.parts[0].shape.__class__ is Primitive and solid.parts[0].shape.flat:
+                    d[2] = 0.0
+                most = max((corners @ d).max() + beyond * np.linalg.norm(d)
+                           for corners, beyond in hulls)  # fmt: skip
+                assert (points @ d).max() <= most + 1e-9, solid.name
 
 
 def test_the_prism_round_a_cylinder_contains_it() -> None:
@@ -667,8 +655,9 @@ def test_the_same_scene_again(pandas: Setting) -> None:
 def test_no_pairs_no_distance(tmp_path: Path) -> None:
     table = cells.planar(1, 2)
     cell = Setting.of(with_collision(table))
-    assert cell.scene.nearest(cell.at([np.zeros(2)])) is None
-    assert cell.scene.overlapping(cell.at([np.zeros(2)])) is None
+    assert cell.bodies.nearest(cell.x([np.zeros(2)])) is None
+    assert cell.bodies.overlapping(cell.x([np.zeros(2)])) is None
+    assert cell.bodies.clear(cell.x([np.zeros(2)])[None]).all()
     assert cell.scene.notes == ("the object has no shape: nothing is tested against it",)
 
 
@@ -882,16 +871,17 @@ def test_what_lies_wholly_within_a_mesh_overlaps_it(tmp_path: Path) -> None:
     cube(tmp_path / "cube.stl", 0.4)
     shapes = {5: collision(mesh("cube.stl")), 1: collision('<sphere radius="0.03"/>')}
     lamp = {"name": "lamp", "shape": {"kind": "sphere", "radius": 0.02}}
-    for x, depth in ((1.2, 0.18), (1.3, 0.08), (1.37, 0.01)):
+    for x, depth in ((1.2, 0.22), (1.3, 0.12), (1.37, 0.05)):
         cell = chain_cell(tmp_path, chain(shapes), obstacles=[lamp | {"position": [x, 0, 0]}])
-        where = cell.at([np.zeros(6)])
-        nearest = cell.scene.nearest(where)
+        x = cell.x([np.zeros(6)])
+        nearest = cell.bodies.nearest(x)
         assert nearest is not None
         assert nearest.pair == ("arm/l5", "lamp")
         assert nearest.distance == pytest.approx(-depth, abs=1e-6)
-        assert cell.scene.overlapping(where) == ("arm/l5", "lamp")
+        assert cell.bodies.overlapping(x) == ("arm/l5", "lamp")
+        assert not cell.bodies.clear(x[None]).any()
     cell = chain_cell(tmp_path, chain(shapes), obstacles=[lamp | {"position": [1.45, 0, 0]}])
-    nearest = cell.scene.nearest(cell.at([np.zeros(6)]))
+    nearest = cell.bodies.nearest(cell.x([np.zeros(6)]))
     assert nearest is not None
     assert nearest.distance == pytest.approx(0.03, abs=1e-6)
 
@@ -963,18 +953,17 @@ def test_planar_distances(thing: dict, seed: int) -> None:
             corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * np.array(shape["size"]) / 2
             outlines[name] = corners @ R.T + table["position"], 0.0
     assert set(outlines) == set(cell.names)
-    where = cell.at(q)
-    least = np.inf
+    exact, least = cell.exact(q), np.inf
     for k, (i, j) in enumerate(cell.scene.pairs):
         (a, r), (b, s) = (outlines[cell.names[n]] for n in (i, j))
         wanted = gap_2d(a, b) - r - s
-        found = cell.scene.distances.exact(k, where)
+        found = exact[k]
         if wanted > 0:
             assert found == pytest.approx(wanted, abs=1e-5)
         else:
             assert found <= 1e-9
         least = min(least, wanted)
-    nearest = cell.scene.nearest(where)
+    nearest = cell.bodies.nearest(cell.x(q))
     assert nearest is not None
     assert nearest.distance == pytest.approx(least, abs=1e-5) or nearest.distance <= 0 >= least
 

@@ -17,8 +17,14 @@ from copose.robots import Arm
 if TYPE_CHECKING:
     from copose.collision.hull_queries import HullQueries
 
-# How exactly distances are computed, relative; below what distance, m, their normal is the hulls'.
-TOLERANCE, _TOUCHING = 1e-10, 1e-9
+# How exactly distances are computed, relative, and where that does not converge; what is no depth,
+# m; below what distance, m, their normal is the hulls'.
+TOLERANCES, _ABSURD, _TOUCHING = (1e-10, 1e-6, 1e-4), 1e6, 1e-9
+# Directions in which outlines reach as far as bodies do: in the plane, and in space.
+_TURNS = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
+_AROUND = np.column_stack([np.cos(_TURNS), np.sin(_TURNS), np.zeros(24)])
+_CUBE = np.array([d for d in np.ndindex(5, 5, 5) if {0, 4} & set(d)]) - 2.0
+_ABOUT = _CUBE / np.linalg.norm(_CUBE, axis=1, keepdims=True)
 
 
 @dataclass(frozen=True)
@@ -173,7 +179,7 @@ class Bodies:
         return clear
 
     def too_near(self, x: Array, pairs: Indices) -> Mask:
-        """Which of some tested pairs do not keep the clearance in a configuration, (size,); (k,)."""
+        """Which of some tested pairs are too near in a configuration, (size,); (k,)."""
         where = self.placed(x[None])[0]
         near = self.bounds(where, pairs) < self.clearance
         for k in np.flatnonzero(near):
@@ -200,7 +206,7 @@ class Bodies:
         return found
 
     def distances(self, where: Placements, pairs: Indices) -> Array:
-        """Distances of the bodies of some pairs, m; where they overlap −(the depth of their hulls)."""
+        """Of the bodies of some pairs, m, (k,); where they overlap −(the depth of their hulls)."""
         places = _Places(where)
         return np.array([
             min(self._exact(one, other, places)[0] for one, other in self._of(pair))
@@ -227,7 +233,7 @@ class Bodies:
         return None if which < 0 else Nearest(least, self.names(which))
 
     def witnesses(self, x: Array, within: float, pairs: Indices | None = None) -> list[Witness]:
-        """Of shapes that are nearer to each other than ``within``, m, in a configuration, (size,)."""
+        """Of shapes nearer to each other than ``within``, m, in a configuration, (size,)."""
         some = self.every if pairs is None else pairs
         where = self.placed(x[None])[0]
         places, found = _Places(where), []
@@ -252,6 +258,22 @@ class Bodies:
         near = near[self.hull_distances(where, near) <= 0]
         hit = next((k for k in near if self.distances(where, np.array([k]))[0] <= 0), None)
         return None if hit is None else self.names(int(hit))
+
+    def outlines(self, x: Array, i: int) -> list[Array]:
+        """Points, (k, 3) each, in the world, whose hull is about that of each part of what arm i
+        carries in a configuration, (size,).
+        """
+        where = self.placed(x[None])[0]
+        directions = _AROUND if self._planar else _ABOUT
+        found = []
+        for solid, parts in zip(self.solids, self._parts, strict=True):
+            for part in parts if solid.carrier.arm == i else ():
+                R, p = part.at(where)
+                corners, beyond = part.part.shape.hull
+                corners = corners @ R.T + p
+                outermost = (corners @ directions.T).argmax(axis=0)
+                found.append(np.unique(corners[outermost] + beyond * directions, axis=0))
+        return found
 
     # How it is answered
 
@@ -325,18 +347,27 @@ class Bodies:
     ) -> tuple[float, Any]:
         import coal
 
-        result = coal.DistanceResult()
         functor = self._functor(one, other, what)
-        return functor(places(one), places(other), self._request, result), result
+        for request in self._requests:
+            result = coal.DistanceResult()
+            distance = functor(places(one), places(other), request, result)
+            # The depth of round bodies may not converge so far.
+            if distance > -_ABSURD:
+                break
+        return distance, result
 
     @cached_property
-    def _request(self) -> Any:
+    def _requests(self) -> list[Any]:
+        """What distances are asked with, in order, until one converges."""
         import coal
 
-        request = coal.DistanceRequest()
-        request.gjk_tolerance = request.epa_tolerance = TOLERANCE
-        request.enable_signed_distance = True
-        return request
+        requests = []
+        for tolerance in TOLERANCES:
+            request = coal.DistanceRequest()
+            request.gjk_tolerance = request.epa_tolerance = tolerance
+            request.enable_signed_distance = True
+            requests.append(request)
+        return requests
 
     @cached_property
     def _margin(self) -> Any:
@@ -344,7 +375,7 @@ class Bodies:
 
         request = coal.CollisionRequest()
         request.security_margin, request.enable_contact = self.clearance, False
-        request.gjk_tolerance = request.epa_tolerance = TOLERANCE
+        request.gjk_tolerance = request.epa_tolerance = TOLERANCES[0]
         return request
 
     def _exact(

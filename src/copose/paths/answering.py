@@ -99,7 +99,7 @@ class Answer:
             measured = machinery.measure(setting, [mine[k] for mine in q])
             posture = measured.posture
             given = {key: getattr(posture, key) for key in posture.model_fields_set}
-            given.pop("capsules", None)
+            given.pop("bodies", None)
             values.append(measured.value)
             notes += measured.notes
             extremes.append(measured.extremes)

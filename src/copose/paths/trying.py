@@ -168,7 +168,7 @@ class Trial:
                 return Outcome([], why)
         if judged and not shortest and judged[0][0].times > 1 + HELD:
             course = self.finisher.course(self.finisher.path.knots)
-            # Of bodies in the way capsules may have taken some motions out.
+            # What bodies in the way take out was not judged.
             least, count = judged[0][0], 0 if machinery.bodies is not None else len(judged)
             return Outcome([], overloaded(machinery, course, self.duration, least, judged=count))
         routes = [route for strain, route in judged if shortest or strain.times <= 1 + HELD][:most]

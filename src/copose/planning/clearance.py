@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -16,7 +17,7 @@ from copose.planning.cell import Cell
 from copose.planning.constraints import Constraint
 from copose.planning.measuring import Measurement
 from copose.poses import Array, Indices, Pose
-from copose.results import CollisionRecord
+from copose.results import CollisionRecord, matrix
 
 # What programs keep beyond the clearance, m, for a row is exact to first order only.
 SPARE = 5e-6
@@ -158,17 +159,19 @@ def in_the_way(bodies: Bodies, x: Array, pairs: Indices, *, every: bool) -> Bloc
 
 
 def with_collision(cell: Cell, measured: Measurement, bodies: Bodies) -> Measurement:
-    """A measured posture with its smallest distance."""
+    """A measured posture with its smallest distance and the outlines of its arms."""
     joints = [np.array(q) for q in measured.posture.joints.values()]
-    nearest = bodies.nearest(configurations_of(cell, joints)[0])
-    if nearest is None:
-        return measured
-    record = CollisionRecord(distance=nearest.distance, pair=nearest.pair)
-    notes = measured.notes
-    if nearest.distance < bodies.clearance:
-        both = " and ".join(nearest.pair)
-        notes += (f"{both} are nearer than the clearance, {bodies.clearance:g} m",)
-    posture = measured.posture.model_copy(update={"collision": record})
+    x = configurations_of(cell, joints)[0]
+    outlines = {arm.name: tuple(map(matrix, bodies.outlines(x, i)))
+                for i, arm in enumerate(cell.arms)}  # fmt: skip
+    keys: dict[str, Any] = {"bodies": outlines}
+    nearest, notes = bodies.nearest(x), measured.notes
+    if nearest is not None:
+        keys["collision"] = CollisionRecord(distance=nearest.distance, pair=nearest.pair)
+        if nearest.distance < bodies.clearance:
+            both = " and ".join(nearest.pair)
+            notes += (f"{both} are nearer than the clearance, {bodies.clearance:g} m",)
+    posture = measured.posture.model_copy(update=keys)
     return replace(measured, posture=posture, notes=notes)
 
 

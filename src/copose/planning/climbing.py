@@ -55,7 +55,7 @@ class Climbs:
         """Count a posture, (N,), among the ends."""
         self.ends.append(LocalOptimum(q, float(value), 1))
         # What pays no heed to bodies that have to keep apart is no answer.
-        if self.machinery.clearance is None or self.setting.clearance is not None:
+        if self.machinery.bodies is None or self.setting.bodies is not None:
             attained(float(value))
 
     @property

@@ -15,7 +15,7 @@ from copose.poses import Array
 from copose.problem import SPACES
 from copose.report import legends, planar_scene, spatial_scene, style
 from copose.report.frames import frame, roomy
-from copose.report.surroundings import bodies, capsule_points
+from copose.report.surroundings import bodies
 from copose.results import Knot, Motion
 
 # How dark the first ghost and the last are.
@@ -50,8 +50,6 @@ class MotionScene:
         planar = SPACES[motion.problem.space].planar
         scene = planar_scene if planar else spatial_scene
         points = np.vstack([scene.posture_points(knot, motion) for knot in motion.knots])
-        around = [capsule_points(knot)[:, : points.shape[1]] for knot in motion.knots]
-        points = np.vstack([points, *around])
         near = np.array([points.min(axis=0), points.max(axis=0)])
         known = np.vstack([near, *(body.points for body in bodies(motion, *near))])
         size = float(np.ptp(near, axis=0).max())

@@ -19,7 +19,7 @@ from copose.report.ranges import ranges
 from copose.report.shapes import cut, outline
 from copose.report.slices import Slice, all_coordinates, linear_slice
 from copose.report.style import Drawn, Panel
-from copose.report.surroundings import bodies, capsule_points, capsules, flat_capsule
+from copose.report.surroundings import bodies, link_points, links, silhouette
 from copose.results import PlanarPlace, Posture
 
 # The longest semi-axis drawn, as a share of the scene's larger side.
@@ -62,7 +62,7 @@ class Stage:
             points += [center + scale * part.surface[..., :2] for center, part, _ in parts]
         for panel in panels:
             points += [each.edges.reshape(-1, 2) for each in ranges(panel)]
-            points.append(capsule_points(panel.posture)[:, :2])
+            points.append(link_points(panel.posture)[:, :2])
         known = np.vstack(points)
         return cls(placed, scales, size, known.min(axis=0), known.max(axis=0))
 
@@ -167,10 +167,11 @@ def draw_posture(ax: Axes, posture: Posture, solution: Drawn) -> None:
     ax.grid(True, color="#EEEEEE", linewidth=0.8)
     ax.set_axisbelow(True)
     center = np.array(posture.object.position)
-    for rows, color in capsules(posture).values():
+    for parts, color in links(posture).values():
         # In one piece, so that overlaps are no darker.
-        rims = [Path(rim[np.arange(len(rim) + 1) % len(rim)], closed=True)
-                for rim in map(flat_capsule, rows)]  # fmt: skip
+        seen = [silhouette(part[:, :2], part[:, :2]) for part in parts]
+        rims = [Path(each[np.arange(len(each) + 1) % len(each)], closed=True)
+                for each in seen if len(each)]  # fmt: skip
         ax.add_patch(PathPatch(Path.make_compound_path(*rims), facecolor=color, alpha=0.15,
                                linewidth=0, zorder=1.5))  # fmt: skip
     rim = _outline(posture, solution)

@@ -36,14 +36,6 @@ def turn(angle: float) -> Array:
     return np.array([[c, -s], [s, c]])
 
 
-def stadium(a: Array, b: Array, radius: float) -> Array:
-    """Corners, (k, 2), of all that is within a radius of the segment from a to b in a plane."""
-    x, y = b - a
-    angle = np.arctan2(y, x) + np.linspace(-np.pi / 2, np.pi / 2, 13)
-    half = radius * np.column_stack([np.cos(angle), np.sin(angle)])
-    return np.vstack([b + half, a - half])
-
-
 def cut(corners: Array, low: Array, high: Array) -> Array:
     """The part of a flat convex polygon, (k, d), that lies in a box; no corners where none does."""
     for axis in range(len(low)):

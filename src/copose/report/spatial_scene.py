@@ -17,7 +17,7 @@ from copose.report.ranges import object_axes, ranges
 from copose.report.shapes import faces
 from copose.report.slices import Slice, angular_slice, linear_slice
 from copose.report.style import Drawn, Panel
-from copose.report.surroundings import Body, bodies, capsule_points, capsules, seen_capsule
+from copose.report.surroundings import Body, bodies, link_points, links, silhouette
 from copose.results import EllipsoidRecord, Posture
 
 # The longest semi-axis drawn, and how high the angular slice floats, as shares of the scene.
@@ -105,7 +105,7 @@ class Stage:
         points = [_points(panels, kinds)]
         for panel in panels:
             points += [each.edges.reshape(-1, 3) for each in ranges(panel)]
-            points.append(capsule_points(panel.posture))
+            points.append(link_points(panel.posture))
         known = np.vstack(points)
         low, high = known.min(axis=0), known.max(axis=0)
         around = [bodies(panel.solution, low, high) for panel in panels]
@@ -178,8 +178,9 @@ def draw_ghost(ax: Any, posture: Posture, solution: Drawn, strength: float) -> N
 
 def draw_posture(ax: Any, posture: Posture, solution: Drawn) -> None:
     """Arms, object and what keeps them apart."""
-    for rows, color in capsules(posture).values():
-        rims = [seen_capsule(row) for row in rows]
+    view = view_axes()
+    for parts, color in links(posture).values():
+        rims = [silhouette(part, part @ view[:2].T) for part in parts]
         ax.add_collection3d(Poly3DCollection(rims, facecolor=color, alpha=0.12, linewidth=0))
     for corners in _faces(posture, solution):
         face = Poly3DCollection([corners], facecolor=style.OBJECT, edgecolor=style.INK,

@@ -1,4 +1,4 @@
-"""What stands around a posture: obstacles, and the capsules that arms are kept apart by."""
+"""What stands around a posture: obstacles, and the bodies of links."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 from copose.poses import Array
 from copose.problem import Obstacle, PlanarObstacle
 from copose.report import style
-from copose.report.frames import view_axes
-from copose.report.shapes import cut, faces, outline, stadium
+from copose.report.shapes import cut, faces, outline
 from copose.report.style import Drawn
 from copose.results import Posture
 
@@ -61,37 +60,29 @@ def _faces(obstacle: Obstacle | PlanarObstacle) -> list[Array]:
     return faces(obstacle.shape, obstacle.position, obstacle.pose.rotation)
 
 
-def capsules(posture: Posture) -> dict[str, tuple[Array, str]]:
-    """Rows of two ends and a radius, (count, 7), and a colour, by arm or robot."""
+def links(posture: Posture) -> dict[str, tuple[list[Array], str]]:
+    """Points of the parts of links, (k, 3) each, and a colour, by arm."""
     colors = style.arm_colors(posture)
     return {
-        name: (np.array(rows), colors.get(name, style.BEFORE))
-        for name, rows in (posture.capsules or {}).items()
-        if name != "object" and rows
+        name: ([np.array(part) for part in parts], colors[name])
+        for name, parts in (posture.bodies or {}).items()
+        if parts
     }
 
 
-def flat_capsule(row: Array) -> Array:
-    """The corners of a capsule in the plane, (k, 2)."""
-    return stadium(row[:2], row[3:5], row[6])
+def silhouette(points: Array, seen: Array) -> Array:
+    """Those of some points, (k, d), that are round all of them as they are seen, (k, 2), in order;
+    none where they are seen as a line.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return np.asarray(points[ConvexHull(seen).vertices])
+    except (QhullError, ValueError):
+        return points[:0]
 
 
-def seen_capsule(row: Array) -> Array:
-    """The corners in space, (k, 3), of a capsule's outline as pictures are seen."""
-    view = view_axes()
-    a, b = (view @ end for end in (row[:3], row[3:6]))
-    rim = stadium(a[:2], b[:2], row[6])
-    half = len(rim) // 2
-    depths = np.repeat([b[2], a[2]], half)
-    return np.asarray(np.column_stack([rim, depths]) @ view)
-
-
-def capsule_points(posture: Posture) -> Array:
-    """Points, (k, 3), that are as far out as the capsules of a posture."""
-    rows = [rows for rows, _ in capsules(posture).values()]
-    if not rows:
-        return np.zeros((0, 3))
-    every = np.vstack(rows)
-    ends = np.vstack([every[:, :3], every[:, 3:6]])
-    radii = np.tile(every[:, 6:], (2, 1))
-    return np.vstack([ends - radii, ends + radii])
+def link_points(posture: Posture) -> Array:
+    """All points of links, (k, 3)."""
+    every = [part for parts, _ in links(posture).values() for part in parts]
+    return np.vstack([np.zeros((0, 3)), *every])

@@ -20,7 +20,7 @@ _SAME = 1e-6
 _FARTHEST = 1e12
 # Nor any other number of a posture: squares and products of two are still numbers.
 _LARGEST = 1e100
-_PLACES = re.compile(r"^(joints|object|base|grasp|capsules)\b|\.(skeleton|grasp)\b")
+_PLACES = re.compile(r"^(joints|object|base|grasp|bodies)\b|\.(skeleton|grasp)\b")
 
 
 def disagreements(answer: Solution | Motion) -> Iterator[str]:
@@ -155,10 +155,8 @@ def _posture(answer: Solution | Motion, posture: Posture) -> Iterator[str]:
             yield f"exact_sets.{name}.residual_radius: below zero"
         rows.append((f"exact_sets.{name}.vertices", a, exact.vertices))
         ellipsoids.append((f"exact_sets.{name}.ellipsoid", exact.ellipsoid, a))
-    for name, capsules in (posture.capsules or {}).items():
-        rows.append((f"capsules.{name}", 7, capsules))
-        if any(row[-1] < 0 for row in capsules if row):
-            yield f"capsules.{name}: a radius is below zero"
+    for name, parts in (posture.bodies or {}).items():
+        rows += [(f"bodies.{name}", 3, part) for part in parts]
     for key, size, entries in rows:
         if any(len(entry) != size for entry in entries):
             yield f"{key}: not of {size} numbers each"

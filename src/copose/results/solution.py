@@ -108,8 +108,8 @@ class Posture(Record):
         base: where bases that may be moved are, by arm.
         grasp: where tips are in the object frame, of grasps that may be moved.
         collision: on the original geometry.
-        capsules: around the arms and the object, by what carries them, in the world: two ends and
-            a radius each, (count, 7).
+        bodies: by arm, points whose hull is about that of each part of its links, in the world,
+            (count, 3) each.
     """
 
     joints: dict[str, Vector]
@@ -129,7 +129,7 @@ class Posture(Record):
     base: dict[str, SpatialFrame | PlanarPlace] | None = None
     grasp: dict[str, SpatialFrame | PlanarPlace] | None = None
     collision: CollisionRecord | None = None
-    capsules: dict[str, Matrix] | None = None
+    bodies: dict[str, tuple[Matrix, ...]] | None = None
 
     @model_serializer(mode="wrap")
     def _as_asked(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
