@@ -107,6 +107,8 @@ ROBOTS = {
     "panda": {"urdf": PANDA, "tip": "panda_hand"},
     "xarm7": {"urdf": f"{EXAMPLES}xarm_description/urdf/xarm7.urdf", "tip": "link7"},
     "ur5": {"urdf": f"{EXAMPLES}ur_description/urdf/ur5_robot.urdf", "tip": "tool0"},
+    "ur10": {"urdf": f"{EXAMPLES}ur_description/urdf/ur10_robot.urdf", "tip": "tool0"},
+    "z1": {"urdf": f"{EXAMPLES}z1_description/urdf/z1.urdf", "tip": "link06"},
     "kinova": {
         "urdf": f"{EXAMPLES}kinova_description/robots/kinova.urdf",
         "tip": "j2s6s200_end_effector",

@@ -16,10 +16,7 @@ import time
 from pathlib import Path
 
 import casadi as ca
-import numpy as np
 import pytest
-from copose.collision.capsules import Capsule
-from copose.collision.remembered import remembered
 
 from copose.kernels import Kernel, build, cache
 
@@ -30,8 +27,6 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from copose.collision.capsules import Capsule
-from copose.collision.remembered import remembered
 from copose.kernels import Kernel, build
 
 home = Path(os.environ["XDG_CACHE_HOME"]) / "copose"
@@ -104,27 +99,6 @@ def library(kind):
     assert all(np.array_equal(each(x, p), expected) for each in (first, again))
 
 
-def fitted(points):
-    fitted.calls += 1
-    return tuple(Capsule(a, a + 1.0, 0.5) for a in points)
-
-
-def capsules(kind):
-    fitted.calls, files = 0, []
-    for file in home.glob("*.npy"):
-        file.unlink()
-    for points in (np.eye(3), 2 * np.eye(3)):
-        known = set(home.glob("*.npy"))
-        remembered(fitted, points)
-        files += set(home.glob("*.npy")) - known
-    damage(kind, *files)
-    rows = [
-        [[*c.a, *c.b, c.radius] for c in remembered(fitted, np.eye(3))] for _ in range(2)
-    ]
-    expected = np.hstack([np.eye(3), np.eye(3) + 1.0, np.full((3, 1), 0.5)])
-    assert fitted.calls == 3 and all(np.array_equal(each, expected) for each in rows)
-
-
 what, *kinds = sys.argv[1:]
 for kind in kinds:
     child = os.fork()
@@ -144,10 +118,6 @@ EVERY = (
 )  # fmt: skip
 KINDS = {
     "library": (*EVERY, "head alone"),
-    "capsules": (
-        *EVERY, "longer", "no rows", "no numbers", "another shape", "link to nothing", "pipe",
-        "open to others",
-    ),
 }  # fmt: skip
 
 
@@ -193,10 +163,6 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "copose"
 
 
-def ball(points: np.ndarray) -> tuple[Capsule, ...]:
-    return (Capsule(points[0], points[0], 1.0),)
-
-
 def test_names_have_the_digest_of_key_and_content(home: Path) -> None:
     cache.store("0a1b", ".npy", b"content")
     (file,) = home.iterdir()
@@ -218,10 +184,10 @@ def test_what_killed_runs_leave_behind_is_swept(home: Path) -> None:
     for left in home.iterdir():
         os.utime(left, (time.time() - 5, time.time() - 5))
     with cache._held(home / ".building-held"), cache._held(home / ".building-held.npy"):
-        remembered(ball, np.ones((1, 3)))
+        cache.store("0a1b", ".npy", b"one")
         names = sorted(file.name for file in home.glob(".*"))
         assert names == [".building-held", ".building-held.npy"]
-    remembered(ball, np.zeros((1, 3)))
+    cache.store("0a1c", ".npy", b"other")
     assert [file.suffix for file in home.iterdir()] == [".npy"] * 2
 
 
@@ -257,26 +223,24 @@ def test_a_compiler_at_work_holds_its_folder(
 
 
 FULL = """
-import resource, sys
+import resource
 import casadi as ca
 import numpy as np
-from copose.collision.remembered import remembered
-from copose.kernels import Kernel, build
-sys.path.insert(0, {tests!r})
-from test_cache import ball
+from copose.kernels import Kernel, build, cache
 resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
 x = ca.SX.sym("x", 2)
 kernel = Kernel(x, ca.SX(0, 1), 2 * x)
 assert not build([kernel], wait=True)
 assert np.array_equal(kernel(np.ones((1, 2)), np.zeros(0)), [[2.0, 2.0]])
-assert remembered(ball, np.ones((1, 3)))[0].radius == 1.0
+cache.store("0a1b", ".npy", b"one")
+assert cache.stored("0a1b", ".npy") is None
 """
 
 
 def test_a_full_disk_is_survived(home: Path) -> None:
     """No file can grow beyond 0 bytes, which root may not do either."""
     answer = subprocess.run(
-        [sys.executable, "-c", FULL.format(tests=str(Path(__file__).parent))],
+        [sys.executable, "-c", FULL],
         env={**os.environ, "COPOSE_COMPILE": "1"},
         capture_output=True,
         text=True,

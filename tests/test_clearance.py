@@ -112,6 +112,50 @@ def test_an_answer_is_no_worse_than_a_clear_posture_that_is_known() -> None:
     assert solution.objective.after >= known.objective - WORSE
 
 
+def six_axis_arms(name: str, seed: int) -> dict:
+    """Two arms with finitely many postures, and posts beside what they hold."""
+    rng = np.random.default_rng([seed, len(name)])
+    table = cells.random_cell((name, name), "spatial", seed)
+    middle = np.array(table["object"]["position"])
+    table["object"]["shape"] = {"kind": "box", "size": [0.05, 0.05, 0.05]}
+    table["obstacles"] = []
+    for k in range(2):
+        angle, away = rng.uniform(-np.pi, np.pi), rng.uniform(0.2, 0.35)
+        turn = np.array([np.cos(angle), np.sin(angle), 0.0])
+        place = middle + away * turn + np.array([0.0, 0.0, rng.uniform(-0.2, 0.2)])
+        shape = {"kind": "cylinder", "radius": 0.04, "length": 0.4}
+        table["obstacles"].append({"name": f"post {k}", "shape": shape, "position": place.tolist()})
+    return table | {"constraints": {"collision": True, "clearance": CLEARANCE}}
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize(
+    ("name", "seed"), [(name, seed) for name in ("ur5", "ur10", "z1") for seed in range(7)][:20]
+)
+def test_of_finitely_many_postures_the_best_that_keeps_clear_is_found(name: str, seed: int) -> None:
+    """All of them by another projection, their bodies measured by Pinocchio."""
+    table = six_axis_arms(name, seed)
+    truth = Truth(Case("blind", "", blind(table)))
+    postures = [spread_out(truth, i, closed_postures(truth, i, 4096, 3), 64) for i in (0, 1)]
+    sums = []
+    for i, q in enumerate(postures):
+        J, M = truth.arm_matrices(i, q)
+        sums.append(truth.terms(i, J, M))
+    values = truth.values((sums[0][:, None] + sums[1][None]).reshape(-1, *sums[0].shape[1:]))
+    setting, best = Setting.of(table), None
+    for flat in np.argsort(-values):
+        i, j = np.unravel_index(flat, [len(q) for q in postures])
+        if least(all_distances(setting, [postures[0][i], postures[1][j]])) >= CLEARANCE:
+            best = values[flat]
+            break
+    planner = copose.Planner(copose.parse(table))
+    for answer in (planner.solve(seed=seed) for seed in range(3)):
+        if best is None:
+            assert answer.status == "infeasible", answer.reason
+        else:
+            assert answer.objective.after == pytest.approx(best, abs=1e-8)
+
+
 @pytest.fixture(scope="module")
 def walls() -> dict:
     return cells.tables("panda-walls")

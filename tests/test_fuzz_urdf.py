@@ -199,7 +199,7 @@ def problem(kind: str, collision: bool, static: bool) -> dict:
 
 
 def is_large(mesh: ET.Element) -> bool:
-    """Whether a mesh may be larger than a robot: covering it with capsules takes long."""
+    """Whether a mesh may be larger than a robot: its numbers are far from a robot's."""
     return any(word.strip("-+.0123456789") or abs(float(word)) > 1
                for word in mesh.get("scale", "").split())  # fmt: skip
 

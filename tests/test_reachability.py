@@ -9,11 +9,11 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.optimize import lsq_linear
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 import copose
-from capsule_distances import segment_distances
 from cells import closed_postures, planar, random_cell, tables, two_pandas
 from copose.planning.cell import Cell
 from copose.planning.machinery import Machinery
@@ -23,6 +23,7 @@ from copose.planning.search import EFFORTS, Found
 from copose.planning.within_reach import WithinReach
 from copose.problem import parse
 from reference import Problem as Truth
+from segment_distances import segment_distances
 
 TURN = 2 * math.pi
 
@@ -697,3 +698,22 @@ def test_starts_that_leave_nothing_are_told() -> None:
     elbow = links_of(lengths, q[None])[1][1][0, :2]
     near = copose.solve(parse(with_ball(cell, elbow, 0.05)))
     assert near.status == "infeasible" and "stump" in near.reason and "start" in near.reason
+
+
+@pytest.mark.parametrize("kind", ["any", "parallel", "crossing", "point", "joined"])
+def test_distances_of_segments_are_least_squares(kind: str) -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(30):
+        a0, a1, b0, b1 = rng.normal(size=(4, 3))
+        if kind == "parallel":
+            b1 = b0 + rng.normal() * (a1 - a0)
+        elif kind == "crossing":
+            b1 = a0 + rng.uniform() * (a1 - a0)
+        elif kind == "point":
+            b1 = b0
+        elif kind == "joined":
+            b0 = a1
+        A = np.column_stack([a1 - a0, b0 - b1])
+        best = lsq_linear(A, b0 - a0, bounds=(0, 1), tol=1e-14, method="bvls")
+        found = segment_distances(*(end[None] for end in (a0, a1, b0, b1)))[0]
+        assert found == pytest.approx(math.sqrt(2 * best.cost), abs=1e-7)
