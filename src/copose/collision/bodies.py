@@ -12,6 +12,7 @@ import numpy as np
 from copose.collision.carriers import Carrier, Placements, carrier_poses, carriers_of
 from copose.collision.solids import Mesh, Part, Solid
 from copose.poses import Array, Indices, Mask, Pose
+from copose.progress import heed
 from copose.robots import Arm
 
 if TYPE_CHECKING:
@@ -170,11 +171,15 @@ class Bodies:
         undecided = np.arange(len(x))
         if not self._planar:
             queries = self._hulls(some)
-            verdicts = [queries.verdict(row) for row in x]
+            verdicts = []
+            for row in x:
+                heed()
+                verdicts.append(queries.verdict(row))
             clear = np.array([verdict is True for verdict in verdicts], dtype=np.bool_)
             undecided = np.flatnonzero([verdict is None for verdict in verdicts])
         where = self.placed(x[undecided])
         for k, row in enumerate(undecided):
+            heed()
             clear[row] = self._keeps_clear(where[k], some)
         return clear
 

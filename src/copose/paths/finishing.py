@@ -156,7 +156,9 @@ class Finisher:
         if same:
             return True
         held = zip(course.settings, found.q, strict=True)
-        return not self.machinery.static and all(self.machinery.exactly(s, q) for s, q in held)
+        return not self.machinery.static and all(
+            self.machinery.clear(s, q[None])[0] for s, q in held
+        )
 
     def _seen(self, course: Course, found: Shaped) -> Seen:
         machinery, duration = self.machinery, found.duration

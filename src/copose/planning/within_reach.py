@@ -170,7 +170,7 @@ class WithinReach:
         """
         if not over():
             return self._confirmed(found)
-        quick = found.optima[:_ASKED] if self.setting.clearance is None else ()
+        quick = found.optima[:_ASKED] if self.setting.bodies is None else ()
         with sheltered():
             return self._confirmed(replace(found, optima=quick, best=None))
 
