@@ -489,7 +489,7 @@ def test_a_disk_cuts_a_self_motion() -> None:
             same = {graph.label_of(start) == graph.label_of(end) for graph in graphs}
             if len(same) > 1:
                 continue
-            answer = asked(machinery, setting.fresh(), start, end)
+            answer = asked(machinery, setting, start, end)
             if answer is not None:
                 assert answer is same.pop()
             told.append((answer, whole.label_of(start) == whole.label_of(end)))
@@ -587,7 +587,7 @@ def test_two_arms_move_round_each_other_as_all_pairs_on_a_grid_do(seed: int) -> 
         if len(same) > 1:
             continue
         ends = [[q[i][row[i]] for i in range(2)] for row in (start, end)]
-        answer = reachable(machinery, setting.fresh(), *ends).whole
+        answer = reachable(machinery, setting, *ends).whole
         alone = all(
             arm.label[arm.nodes[x]] == arm.label[arm.nodes[y]]
             for arm, x, y in zip(arms, start, end, strict=True)
