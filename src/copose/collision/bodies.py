@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
 # How exactly distances are computed, relative, and where that does not converge; what is no depth,
 # m; below what distance, m, their normal is the hulls'.
 TOLERANCES, _ABSURD, _TOUCHING = (1e-10, 1e-6, 1e-4), 1e6, 1e-9
+# Configurations of a plane that Pinocchio is not asked for.
+_FEW = 500
+# By what share squares of distances of balls may be rounded.
+_CAUTION = 1e-9
 # Directions in which outlines reach as far as bodies do: in the plane, and in space.
 _TURNS = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
 _AROUND = np.column_stack([np.cos(_TURNS), np.sin(_TURNS), np.zeros(24)])
@@ -104,7 +109,7 @@ class Bodies:
             pairs: numbers of those that are tested against each other, (p, 2).
             arms: that carry them.
             clearance: m.
-            planar: whether they move in a plane; Pinocchio is not asked then.
+            planar: whether they move in a plane; Pinocchio is asked of many configurations alone.
         """
         self.solids, self.pairs, self.clearance = tuple(solids), pairs, clearance
         self.carriers = carriers_of(arms)
@@ -169,7 +174,7 @@ class Bodies:
         if not len(some) or not len(x):
             return clear
         undecided = np.arange(len(x))
-        if not self._planar:
+        if not self._planar or len(x) > _FEW:
             queries = self._hulls(some)
             verdicts = []
             for row in x:
@@ -193,13 +198,42 @@ class Bodies:
 
     def bounds(self, where: Placements, pairs: Indices) -> Array:
         """Distances of one ball round each solid of some pairs, (..., k)."""
-        i = self.carrier
-        centres = np.einsum("...sij,sj->...si", where.rotations[..., i, :, :], self.centres)
-        centres += where.positions[..., i, :]
+        centres = self._centred(where)
         a, b = self.pairs[pairs].T
         gaps = np.linalg.norm(centres[..., a, :] - centres[..., b, :], axis=-1)
         bounds: Array = gaps - self.radii[a] - self.radii[b]
         return bounds
+
+    def far_apart(self, alone: Sequence[Array], chosen: Indices) -> Mask:
+        """Which combinations of arms surely keep them apart, by the balls round their solids.
+
+        Args:
+            alone: by arm, configurations, (count_i, size), of which only its own joints count.
+            chosen: numbers of these, (count, K).
+        """
+        far = np.ones(len(chosen), dtype=np.bool_)
+        centres = [self._centred(self.placed(x)) for x in alone]
+        for i, j in combinations(range(len(alone)), 2):
+            rows, row = np.unique(chosen[:, i], return_inverse=True)
+            columns, column = np.unique(chosen[:, j], return_inverse=True)
+            apart = np.ones((len(rows), len(columns)), dtype=np.bool_)
+            arms = self._pair_arms[self.shared]
+            for a, b in np.vstack([
+                self.pairs[self.shared[(arms == [i, j]).all(axis=1)]],
+                self.pairs[self.shared[(arms == [j, i]).all(axis=1)]][:, ::-1],
+            ]):  # fmt: skip
+                one, other = centres[i][rows, a], centres[j][columns, b]
+                squares = (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2 * one @ other.T
+                least = self.radii[a] + self.radii[b] + self.clearance
+                apart &= squares >= least**2 * (1 + _CAUTION)
+            far &= apart[row, column]
+        return far
+
+    def _centred(self, where: Placements) -> Array:
+        """Centres of the balls round all solids, (..., s, 3)."""
+        i = self.carrier
+        centres = np.einsum("...sij,sj->...si", where.rotations[..., i, :, :], self.centres)
+        return np.asarray(centres + where.positions[..., i, :])
 
     def hull_distances(self, where: Placements, pairs: Indices, most: float = np.inf) -> Array:
         """Distances of the convex hulls of some pairs, never larger than the bodies'; below zero
@@ -283,7 +317,7 @@ class Bodies:
     # How it is answered
 
     def _hulls(self, pairs: Indices) -> HullQueries:
-        # Pinocchio takes a quarter of a second to load, which planar problems need not wait for.
+        # Pinocchio takes a quarter of a second to load, which small questions need not wait for.
         from copose.collision.hull_queries import HullQueries
 
         key = pairs.tobytes()

@@ -73,8 +73,13 @@ def keep_apart(setting: Setting, postures: Sequence[Array], chosen: Indices) -> 
     """Which combinations, (count, K), of the arms' postures keep the arms clear of each other."""
     bodies = setting.bodies
     assert bodies is not None
-    q = [mine[rows] for mine, rows in zip(postures, chosen.T, strict=True)]
-    return bodies.clear(setting.configurations(q), bodies.shared)
+    alone = [setting.configurations(_alone(setting, i, q)) for i, q in enumerate(postures)]
+    clear = bodies.far_apart(alone, chosen)
+    near = np.flatnonzero(~clear)
+    if len(near):
+        q = [mine[rows] for mine, rows in zip(postures, chosen[near].T, strict=True)]
+        clear[near] = bodies.clear(setting.configurations(q), bodies.shared)
+    return clear
 
 
 def in_each_others_way(setting: Setting, postures: Sequence[Array], seed: int) -> Blocked:
