@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import copy
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ from sampling import closed_postures, spread_out
 from truth import Array, Truth
 
 import copose
-from copose.collision import Scene, carrier_poses
+from copose.collision import Scene, configurations
 from copose.robots import load_arms
 
 HERE = Path(__file__).parent
@@ -77,13 +76,13 @@ class Bodies:
         """Read the robots."""
         self.problem, self.arms = problem, load_arms(problem)
         self.scene = Scene.of(problem, self.arms)
+        self.bodies = self.scene.bodies(self.arms, CLEARANCE)
         carriers = [solid.carrier for solid in self.scene.solids]
         own = np.array([
             carriers[a].arm == carriers[b].arm or "object" in (carriers[a].kind, carriers[b].kind)
             for a, b in self.scene.pairs
         ])  # fmt: skip
-        self._own = replace(self.scene, pairs=self.scene.pairs[own])
-        self._others = replace(self.scene, pairs=self.scene.pairs[~own])
+        self._own, self._others = np.flatnonzero(own), np.flatnonzero(~own)
 
     def clear(self, joints: list[Array]) -> bool:
         """Whether a posture keeps 4 cm more than the clearance; one arm and the object that."""
@@ -91,11 +90,11 @@ class Bodies:
             return False
         return self.distance(joints, self._own) >= CLEARANCE
 
-    def distance(self, joints: list[Array], scene: Scene | None = None) -> float:
+    def distance(self, joints: list[Array], pairs: Array | None = None) -> float:
         """The smallest."""
         bases = [arm.base for arm in self.arms]
-        where = carrier_poses(self.arms, bases, joints, self.problem.object.pose)
-        nearest = (self.scene if scene is None else scene).nearest(where)
+        x = configurations(self.arms, bases, joints, self.problem.object.pose)[0]
+        nearest = self.bodies.nearest(x, pairs)
         return np.inf if nearest is None else nearest.distance
 
 
