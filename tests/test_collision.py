@@ -6,6 +6,7 @@ import copy
 import itertools
 import math
 import os
+import re
 import shutil
 import struct
 from dataclasses import dataclass
@@ -884,6 +885,40 @@ def test_what_lies_wholly_within_a_mesh_overlaps_it(tmp_path: Path) -> None:
     nearest = cell.bodies.nearest(cell.x([np.zeros(6)]))
     assert nearest is not None
     assert nearest.distance == pytest.approx(0.03, abs=1e-6)
+
+
+def test_pairs_that_are_ignored(tmp_path: Path) -> None:
+    """By the problem or an SRDF of the URDF's name beside it; what both do not name counts."""
+    text = chain({i: collision('<sphere radius="0.03"/>') for i in range(6)})
+
+    def pairs(*ignored: list[str]) -> tuple[set[frozenset[str]], tuple[str, ...]]:
+        arm = cell_table("chain.urdf")["arms"][0] | {"ignore_collisions": list(ignored)}
+        cell = chain_cell(tmp_path, text, arms=[arm])
+        return cell.tested, cell.scene.notes
+
+    def links(*names: str) -> frozenset[str]:
+        return frozenset(f"arm/{name}" for name in names)
+
+    every, notes = pairs()
+    assert {links("l0", "l2"), links("l1", "l3"), links("l1", "l5")} <= every and notes == ()
+    fewer, notes = pairs(["l2", "l0"], ["l0", "l1"])
+    assert every - fewer == {links("l0", "l2")}
+    assert notes == (
+        "collisions of 2 pairs of links are ignored by ignore_collisions of arm 'arm'",
+    )
+    with pytest.raises(InputError, match=r"chain\.urdf has no link 'l9'") as error:
+        pairs(["l9", "l0"])
+    assert error.value.key == "arms[0] (arm).ignore_collisions"
+    srdf = tmp_path / "chain.srdf"
+    disabled = '<disable_collisions link1="l1" link2="l3" reason="Never"/>'
+    srdf.write_text(f'<robot name="chain">{disabled}<disable_collisions link1="gone"/></robot>')
+    fewer, notes = pairs(["l0", "l2"])
+    assert every - fewer == {links("l0", "l2"), links("l1", "l3")}
+    assert notes[1] == "collisions of 2 pairs of links are ignored by chain.srdf"
+    srdf.write_text("<robot")
+    same, notes = pairs()
+    assert same == every
+    assert re.match(r"chain\.srdf cannot be read, and disables no pair of links: ", notes[0])
 
 
 # The plane

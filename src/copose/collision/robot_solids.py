@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from copose.collision.carriers import Carrier
+from copose.collision.ignored import ignored_links
 from copose.collision.solids import Solid
 from copose.collision.urdf_geometry import LinkShapes
 from copose.errors import InputError, arm_key, together
@@ -26,11 +27,13 @@ class RobotSolids:
     Attributes:
         solids: links that have a shape; robot by robot the static ones, then those of its arms.
         mounts: (arm, name) of the static solids that an arm's first joint hangs on.
+        ignored: names of two solids that a problem or an SRDF has no one test.
         notes: which shapes could not be read, and what else is doubtful.
     """
 
     solids: tuple[Solid, ...]
     mounts: frozenset[tuple[int, str]]
+    ignored: frozenset[frozenset[str]]
     notes: tuple[str, ...]
 
 
@@ -157,17 +160,25 @@ def robot_solids(problem: Problem, arms: Sequence[Arm]) -> RobotSolids:
         team.members.append(member)
     solids: list[Solid] = []
     mounts: set[tuple[int, str]] = set()
+    ignored: set[frozenset[str]] = set()
+    notes: list[str] = []
     for team in teams:
         found = team.solids()
         solids += found
         mounts |= team.mounts()
+        names = {solid.name.partition("/")[2]: solid.name for solid in found}
+        pairs, said = ignored_links(
+            team.tree, {member.number: problem.arms[member.number] for member in team.members}
+        )
+        notes += said
+        ignored |= {frozenset((names[a], names[b])) for a, b in pairs if a in names and b in names}
         if problem.constraints.collision and team.shapes.faults:
             raise _unreadable(team)
         for member in team.members:
             if not any(s.carrier.kind == "joint" and s.carrier.arm == member.number for s in found):
                 raise _without_shape(team, member)
-    notes = tuple(note for links in shapes.values() for note in (*links.notes, *links.large))
-    return RobotSolids(tuple(solids), frozenset(mounts), notes)
+    notes += [note for links in shapes.values() for note in (*links.notes, *links.large)]
+    return RobotSolids(tuple(solids), frozenset(mounts), frozenset(ignored), tuple(notes))
 
 
 def large_links(problem: Problem) -> tuple[str, ...]:

@@ -54,6 +54,7 @@ class Scene:
     def _of(cls, problem: Problem, arms: Sequence[Arm]) -> Scene:
         solids: list[Solid] = []
         mounts: frozenset[tuple[int, str]] = frozenset()
+        ignored: frozenset[frozenset[str]] = frozenset()
         notes: list[str] = []
         if problem.space.planar:
             for i, spec in enumerate(problem.arms):
@@ -66,7 +67,7 @@ class Scene:
 
             robots = robot_solids(problem, arms)
             solids += robots.solids
-            mounts = robots.mounts
+            mounts, ignored = robots.mounts, robots.ignored
             notes += robots.notes
         if problem.object.shape is None:
             notes.append("the object has no shape: nothing is tested against it")
@@ -74,7 +75,12 @@ class Scene:
             solids.append(_alone("object", OBJECT, Pose.from_rpy(), problem.object.shape))
         for obstacle in problem.obstacles:
             solids.append(_alone(obstacle.name, WORLD, obstacle.pose, obstacle.shape))
-        pairs = np.reshape(possible_pairs(solids, arms, mounts), (-1, 2)).astype(np.intp)
+        names = [solid.name for solid in solids]
+        tested = [
+            (i, j) for i, j in possible_pairs(solids, arms, mounts)
+            if frozenset((names[i], names[j])) not in ignored
+        ]  # fmt: skip
+        pairs = np.reshape(tested, (-1, 2)).astype(np.intp)
         planar, clearance = problem.space.planar, problem.constraints.clearance
         every = Bodies(solids, pairs, arms, clearance, planar=planar)
         near = _always_near(every, _random_postures(problem, arms))

@@ -151,6 +151,8 @@ class UrdfArm(ArmSpec):
         root: link that the base places; left out, the URDF's root link.
         tip: link that grasps.
         locked: positions of movable joints that are held still, rad or m.
+        ignore_collisions: pairs of links that may touch, beside those that an SRDF of the URDF's
+            name beside it disables.
         base: root link in the world.
         grasp: tip frame in the object's; left out beside a start, where the tip is then.
         tool: a body fixed to the tip; left out, none.
@@ -162,6 +164,7 @@ class UrdfArm(ArmSpec):
     root: Text | None = None
     tip: Text
     locked: dict[str, Number] = Field(default_factory=dict)
+    ignore_collisions: tuple[tuple[Text, Text], ...] = ()
     base: Placement = Placement()
     grasp: Grasp
     freedom: ArmFreedom = ArmFreedom()
