@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from scipy.spatial import ConvexHull, QhullError
 
 from copose.errors import InputError
 from copose.poses import Array, Pose
@@ -19,7 +18,7 @@ from copose.problem import Problem
 from copose.report import planar_scene, spatial_scene, style
 from copose.report.frames import frame, roomy, view_axes
 from copose.report.starts import StartScene, start_words
-from copose.report.surroundings import bodies
+from copose.report.surroundings import bodies, silhouette
 from copose.robots import ArmStart
 
 # Colours of the axes x, y, z.
@@ -182,5 +181,6 @@ def _links(
             points = points @ pose.rotation.T + pose.position
             if radius:
                 points = (points[:, None] + radius * rim).reshape(-1, 3)
-            with contextlib.suppress(QhullError):
-                yield color, points[ConvexHull(points @ view[:2].T).vertices]
+            edge = silhouette(points, points @ view[:2].T)
+            if len(edge):
+                yield color, edge
