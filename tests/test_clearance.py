@@ -14,12 +14,15 @@ import pytest
 from cases import Case
 from collision import random_cell
 from sampling import closed_postures, spread_out
+from scipy.interpolate import CubicHermiteSpline
 from truth import Truth
 
 import cells
 import copose
+import path_problems
 import reference
 from copose.cli import main
+from object_path import ObjectPath
 from test_collision import Setting, all_distances, gap_2d
 
 CLEARANCE, TOLERANCE = 0.01, 1e-6
@@ -396,6 +399,39 @@ def test_three_arms_keep_clear_of_each_other(seed: int, space: str) -> None:
     assert solution.status == "solved", solution.reason
     plainly_clear(table, solution)
     assert solution.objective.after >= best - WORSE
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize("seed", range(20))
+def test_motions_keep_their_clearance_at_every_time(seed: int) -> None:
+    """At fifty times between two knots, by plane geometry; beside an elbow that was in the way."""
+    rng = np.random.default_rng(seed)
+    table = path_problems.hinged(knots=12, duration=float(rng.uniform(0.8, 2.5)))
+    table["object"]["shape"] = {"kind": "disk", "radius": 0.1}
+    table["obstacles"] = []
+    free = copose.plan(copose.parse(table))
+    arm = ("a1", "a2")[seed % 2]
+    elbow = np.array(free.knots[int(rng.integers(2, 10))].arms[arm].skeleton)[1, :2]
+    table["obstacles"] = [ball("post", (elbow + rng.uniform(-0.05, 0.05, 2)).tolist(), 0.05)]
+    table["constraints"] = {"collision": True, "clearance": CLEARANCE}
+    motion = copose.plan(copose.parse(table))
+    if motion.knots is None:
+        assert motion.status in ("infeasible", "failed") and motion.reason
+        return
+    tested, way, least = Setting.of(table).tested, ObjectPath(table), np.inf
+    for (k, t), (m, s) in itertools.pairwise(enumerate(motion.time)):
+        for u in np.linspace(0, 1, 50):
+            moving = way.at(t + u * (s - t))
+            angle = math.atan2(moving.rotation[1, 0], moving.rotation[0, 0])
+            thing = table["object"] | {"position": moving.position[:2].tolist(), "angle": angle}
+            bodies = outlines(table | {"object": thing})
+            for each in table["arms"]:
+                q, p = (np.array(motion.knots[i].joints[each["name"]]) for i in (k, m))
+                v, w = (np.array(motion.knots[i].velocity[each["name"]]) for i in (k, m))
+                bodies |= links(each, CubicHermiteSpline([t, s], [q, p], [v, w])(t + u * (s - t)))
+            least = min(least, *gaps(bodies, tested))
+    assert least >= CLEARANCE - 1e-6
+    assert motion.collision <= least + 1e-9
 
 
 # What cannot be, and what is told

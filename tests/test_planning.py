@@ -85,7 +85,8 @@ def test_shipped_problems_recompute(file) -> None:
     assert copose.verify(problem, solution) == ()
     # What the file says of itself.
     text = file.read_text()
-    head = text[: text.index("format = 1")]
+    schema, head = text[: text.index("format = 1")].split("\n", 1)
+    assert schema.startswith("#:schema ")
     assert head.startswith("# What it shows:") and "# Expect:" in head.replace("\n#\n", "\n")
     values = [float(x) for x in re.findall(r"-?\d+\.\d{3,6}\b", head.split("# Expect:")[1])]
     assert any(abs(value - solution.objective.after) < 6e-4 for value in values)

@@ -26,6 +26,9 @@ _TWICE = 5.0
 # how many times more knots than were asked for, or than such a number, are enough where they are;
 # and are tried where a program fails.
 _SHORT, _ENOUGH, _FEW, _REFINED = 0.99, 3, 25, 5
+# What bodies keep at knots beyond the clearance where they miss some of it between knots: so many
+# times as much and this more, m; and at most, of the clearance, before there are more knots.
+_MORE, _LEEWAY, _MARGIN = 1.5, 2e-4, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +41,7 @@ class Seen:
         error: the largest opening of the chain between knots, m or rad.
         distance: the smallest of bodies there, m; None where none is kept.
         fine: whether it needs no more knots.
+        missing: how much less than the clearance bodies keep between knots, m.
     """
 
     q: list[Array]
@@ -45,6 +49,7 @@ class Seen:
     error: float
     distance: float | None
     fine: bool
+    missing: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,14 +108,19 @@ class Finisher:
             best: a motion with any number of knots.
             wanted: what it has to keep.
         """
-        count = self.path.knots
+        count, kept = self.path.knots, wanted.margin
         while True:
             course, found = self.course(count), best
-            if count != len(best.q) or self.shaper.kinked:
+            if count != len(best.q) or self.shaper.kinked or wanted.margin > kept:
                 straight = interpolated(uniform(len(best.q)), best.q, course.phases)
                 closed = self.closed(straight, course)
                 found = self.shaper.shaped(course, closed, wanted, near=True)
-            seen = self._seen(course, found)
+            seen, kept = self._seen(course, found), wanted.margin
+            margin = wanted.margin + _MORE * seen.missing + _LEEWAY
+            if found.converged and seen.missing > 0 and margin <= self._most_margin:
+                # Bodies come nearer between knots than at them: there they keep more.
+                wanted, best = replace(wanted, margin=margin), found
+                continue
             if found.converged and seen.fine:
                 here = replace(wanted, duration=found.duration)
                 found = self.shaper.kept(course, found, here)
@@ -129,6 +139,10 @@ class Finisher:
                 return program_failed(found)
         value = self.value(course, np.hstack(seen.q), found.duration)
         return Finished(course, seen, found.duration, value)
+
+    @property
+    def _most_margin(self) -> float:
+        return _MARGIN * self.machinery.cell.problem.constraints.clearance
 
     def unfinished(self, best: Shaped) -> Finished | None:
         """A motion with the knots that are asked for, or some more, as it is: where it keeps
@@ -172,4 +186,4 @@ class Finisher:
         if not fine:
             return Seen(q, driven, error, None, fine)
         hit = between_bodies(machinery, self.journey, q, driven.velocities, duration)
-        return Seen(q, driven, error, hit.distance, not hit.too_near)
+        return Seen(q, driven, error, hit.distance, hit.missing <= 0, hit.missing)

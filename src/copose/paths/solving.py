@@ -37,12 +37,14 @@ class Wanted:
         first: joints at the first knot, (N,); NaN where they are free.
         last: alike at the last.
         returns: whether the last knot is the first.
+        margin: what bodies keep at knots beyond the clearance, m.
     """
 
     duration: float
     first: Array
     last: Array
     returns: bool
+    margin: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +181,7 @@ class Solver:
             if machinery.bodies is None or not found.converged:
                 return found
             hits = [
-                machinery.runs_into(setting, here)
+                machinery.runs_into(setting, here, case.wanted.margin)
                 for setting, here in zip(course.settings, found.q, strict=True)
             ]
             if not any(hits):
@@ -209,7 +211,7 @@ class Solver:
                 np.concatenate([
                     setting.cell.parameters,
                     self._numbers_at(setting, None if demands is None else demands[k]),
-                    machinery.kept_apart(apart, near[k]),
+                    machinery.kept_apart(apart, near[k], wanted.margin),
                     inertial[k],
                     [wanted.duration],
                 ])

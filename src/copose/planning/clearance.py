@@ -73,8 +73,10 @@ class Apart:
         """How many parameters there are."""
         return self.rows * (12 * len(self.carriers) + 1)
 
-    def given(self, bodies: Bodies, cuts: Sequence[Witness]) -> Array:
-        """The parameters for witnesses; rows that are left over are always kept."""
+    def given(self, bodies: Bodies, cuts: Sequence[Witness], margin: float = 0.0) -> Array:
+        """The parameters for witnesses that keep so much more than the clearance, m; rows that are
+        left over are always kept.
+        """
         table = np.zeros((self.rows, 12 * len(self.carriers) + 1))
         table[:, -1] = -1.0
         number = {carrier: 12 * k for k, carrier in enumerate(self.carriers)}
@@ -83,7 +85,7 @@ class Apart:
                 k = number[carrier]
                 row[k : k + 9] += sign * np.outer(point, cut.normal).ravel()
                 row[k + 9 : k + 12] += sign * cut.normal
-            row[-1] = bodies.clearance + SPARE
+            row[-1] = bodies.clearance + margin + SPARE
         return table.ravel()
 
     def constraints(self, system: System, numbers: ca.SX) -> list[Constraint]:

@@ -475,9 +475,11 @@ class Machinery:
         """Bodies that matter to a program that starts at a posture, (N,), the nearest first."""
         return of_two(self._witnesses(setting, q, _MATTERS))
 
-    def runs_into(self, setting: Setting, q: Array) -> tuple[Witness, ...]:
-        """Bodies that a program has let come too near at its end, (N,)."""
-        return self._witnesses(setting, q, 0.0)
+    def runs_into(self, setting: Setting, q: Array, margin: float = 0.0) -> tuple[Witness, ...]:
+        """Bodies that a program has let come too near at its end, (N,), where they are to keep so
+        much more than the clearance, m.
+        """
+        return self._witnesses(setting, q, margin)
 
     def _witnesses(self, setting: Setting, q: Array, beyond: float) -> tuple[Witness, ...]:
         bodies = setting.bodies
@@ -490,11 +492,13 @@ class Machinery:
         """Rows of a program that keep bodies apart, enough for any of some postures."""
         return None if self.bodies is None else Apart.of(self.bodies, cuts)
 
-    def kept_apart(self, apart: Apart | None, cuts: Sequence[Witness]) -> Array:
-        """The parameters of these rows."""
+    def kept_apart(
+        self, apart: Apart | None, cuts: Sequence[Witness], margin: float = 0.0
+    ) -> Array:
+        """The parameters of these rows, with so much more than the clearance, m."""
         if apart is None or self.bodies is None:
             return np.zeros(0)
-        return apart.given(self.bodies, cuts)
+        return apart.given(self.bodies, cuts, margin)
 
     def _run(
         self,
