@@ -342,7 +342,7 @@ def test_what_comes_too_near_between_knots_is_seen() -> None:
         machinery, journey = Machinery(Cell.of(problem)), Journey.of(problem)
         found = between_bodies(machinery, journey, machinery.split(q), machinery.split(0 * q), 2.0)
         assert (found.distance is None) == (expected is None)
-        assert found.too_near == bool(expected)
+        assert (found.missing > 0) == bool(expected)
 
 
 def test_bodies_keep_their_clearance_along_the_way() -> None:
@@ -356,7 +356,7 @@ def test_bodies_keep_their_clearance_along_the_way() -> None:
     cell["constraints"] = {"collision": True, "clearance": 0.01}
     motion = planned(cell)
     assert min(knot.collision.distance for knot in motion.knots) >= 0.01
-    assert motion.collision >= 0.009
+    assert motion.collision >= 0.01 - 1e-6
     assert motion.objective.after < free.objective.after
 
 
