@@ -507,6 +507,25 @@ class TestSurroundings:
         flat = part[:3] * [1, 1, 0]
         assert len(silhouette(flat, np.zeros((3, 2)))) == 0
 
+    def test_parts_with_other_numbers_of_corners(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Polygons drawn together have as many corners each: limits of axes would count what is
+        not set of the others."""
+        from copose.report import spatial_scene
+
+        drawn: list[set[int]] = []
+
+        def kept(faces: list[np.ndarray], **looks: object) -> Poly3DCollection:
+            drawn.append({len(face) for face in faces})
+            return Poly3DCollection(faces, **looks)
+
+        monkeypatch.setattr(spatial_scene, "Poly3DCollection", kept)
+        rng = np.random.default_rng(0)
+        parts = tuple(matrix(0.1 * rng.normal(size=(k, 3))) for k in (4, 40, 400))
+        solution = fully(placed())
+        posture = solution.after.model_copy(update={"bodies": {"left": parts}})
+        spatial_figure(panels(solution.model_copy(update={"after": posture})), "")
+        assert drawn and all(len(lengths) == 1 for lengths in drawn)
+
 
 class TestPictures:
     """Everything is drawn without a warning; what is missing leaves a word."""

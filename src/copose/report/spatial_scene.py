@@ -181,7 +181,9 @@ def draw_posture(ax: Any, posture: Posture, solution: Drawn) -> None:
     view = view_axes()
     for parts, color in links(posture).values():
         rims = [silhouette(part, part @ view[:2].T) for part in parts]
-        rims = [each for each in rims if len(each)]
+        # All of one length: of others the axes' limits would count what is not set.
+        most = max(map(len, rims))
+        rims = [each[np.minimum(np.arange(most), len(each) - 1)] for each in rims if len(each)]
         ax.add_collection3d(Poly3DCollection(rims, facecolor=color, alpha=0.12, linewidth=0))
     for corners in _faces(posture, solution):
         face = Poly3DCollection([corners], facecolor=style.OBJECT, edgecolor=style.INK,
