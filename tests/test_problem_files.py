@@ -11,7 +11,7 @@ import pytest
 import copose
 from cells import planar, toml, two_pandas
 from copose.errors import InputError
-from copose.reading import load, parse
+from copose.loader import load, parse
 
 INF, NAN = float("inf"), float("nan")
 

@@ -15,7 +15,7 @@ import pytest
 import copose
 from cells import planar
 from copose.errors import InputError
-from copose.reading import load, parse
+from copose.loader import load, parse
 from copose.robots import Arm, load_arms
 from test_robots import INERTIAL, LIMIT, problem_of, refused, robot
 

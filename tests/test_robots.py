@@ -12,7 +12,7 @@ import pytest
 import copose
 from cells import PANDA, two_pandas
 from copose.errors import InputError
-from copose.reading import load, parse
+from copose.loader import load, parse
 from copose.robots import Arm, load_arms
 from reference import example
 

@@ -193,9 +193,23 @@ def test_an_interrupt_is_a_line_and_130(delay: float, here: Path) -> None:
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=10)
     assert (process.returncode, out) == (130, "")
-    # A quick machine may have found something.
-    written = ": the best so far is in .*" if list(here.rglob("result.json")) else ""
-    assert re.fullmatch(f"copose: interrupted{written}\n", err)
+    # A quick machine may have found something, or be at the pictures of its answer.
+    told = re.fullmatch("copose: interrupted(: the (best so far|answer) is in (.*))?\n", err)
+    assert told and (told[3] is None or Path(told[3]).is_file())
+
+
+def test_an_interrupt_of_the_drawing_tells_where_the_answer_is(here: Path) -> None:
+    struck = (
+        "import signal, sys, copose.__main__, copose.report as report; "
+        "report.picture = lambda *_: signal.raise_signal(signal.SIGINT); "
+        "sys.exit(copose.__main__.run())"
+    )
+    command = [sys.executable, "-c", struck, "solve", str(PROBLEMS / "paper-fig2.toml")]
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    file = Path("paper-fig2/result.json")
+    assert (process.returncode, process.stdout) == (130, "")
+    assert process.stderr == f"copose: interrupted: the answer is in {file}\n"
+    assert copose.read_solution(file).status == "solved"
 
 
 @pytest.mark.parametrize(("trap", "status"), [("trap - INT", 130), ("trap '' INT", 0)])

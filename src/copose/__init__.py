@@ -11,11 +11,11 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from copose.capability import Ellipsoid
     from copose.errors import CoposeError, InputError
+    from copose.loader import load, parse
     from copose.paths import PathPlanner, plan
     from copose.planning import Check, Planner, check, evaluate, solve, verify
     from copose.problem import Problem
     from copose.progress import Progress
-    from copose.reading import load, parse
     from copose.report import compare, draw
     from copose.results import Motion, Solution, read_motion, read_solution
     from copose.version import __version__
@@ -36,8 +36,8 @@ _HOMES = {
     "compare": "report",
     "draw": "report",
     "evaluate": "planning",
-    "load": "reading",
-    "parse": "reading",
+    "load": "loader",
+    "parse": "loader",
     "plan": "paths",
     "read_motion": "results",
     "read_solution": "results",

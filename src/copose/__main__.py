@@ -4,13 +4,14 @@ Whatever happens ends in an exit status, and in one line where it is neither 0 n
 few: until the first line of `run` the interpreter answers ^C with a traceback.
 """
 
-import contextlib
 import os
 import signal
 import sys
 import time
 
-FAILED, INTERRUPTED = 4, 128 + 2
+from copose import interrupt
+
+FAILED = 4
 
 
 def run() -> int:
@@ -19,7 +20,7 @@ def run() -> int:
     began = time.perf_counter() - time.process_time()
     # In the background of a script ^C is not meant for us: then it is ignored already.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, _interrupted)
+        signal.signal(signal.SIGINT, lambda *_: interrupt.end())
     try:
         _open_streams()
         if not sys.warnoptions:
@@ -34,15 +35,6 @@ def run() -> int:
     # Nothing is left to interrupt; an interpreter on its way out would die of it without a word.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     return status
-
-
-def _interrupted(*_: object) -> None:
-    """End at once: of an exception IPOPT would make a solution, and libraries a traceback."""
-    if os.isatty(2) and os.environ.get("TERM", "dumb") != "dumb":
-        # Without the bar that shows progress, and with the cursor that it hides.
-        os.write(2, b"\r\x1b[K\x1b[?25h")
-    _say("interrupted")
-    os._exit(INTERRUPTED)
 
 
 def _open_streams() -> None:
@@ -64,14 +56,8 @@ def _failed(error: Exception) -> int:
     words = " ".join(f"internal error: {type(error).__name__}: {error}".split())
     if isinstance(error, MemoryError):
         words = "out of memory"
-    _say(f"{words[:400]} (COPOSE_DEBUG=1 in the environment shows where)")
+    interrupt.say(f"{words[:400]} (COPOSE_DEBUG=1 in the environment shows where)")
     return FAILED
-
-
-def _say(words: str) -> None:
-    # Past Python's stream: an interrupt may have come in the middle of one of its calls.
-    with contextlib.suppress(OSError):
-        os.write(2, f"copose: {words}\n".encode(errors="replace"))
 
 
 if __name__ == "__main__":

@@ -12,9 +12,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TextIO
 
+from copose import interrupt
 from copose.errors import InputError, one_line, shown
 from copose.progress import Progress, Tell, Watch, sheltered, stage, watched
 from copose.version import __version__
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     from copose.results import Motion, Solution
 
 SOLVED, WRONG_INPUT, INFEASIBLE, FAILED = 0, 2, 3, 4
-INTERRUPTED, READER_GONE = 128 + 2, 128 + 13
+READER_GONE = 128 + 13
 _STATUS = {"solved": SOLVED, "infeasible": INFEASIBLE, "failed": FAILED}
 _RESULT, _PICTURE = "result.json", "before_after.png"
 _TRAJECTORY, _ROS, _WAY, _FILM = "trajectory.csv", "trajectory.yaml", "path.png", "path.gif"
@@ -303,7 +305,7 @@ def _solve(arguments: argparse.Namespace) -> int:
         folder, problem = _prepare(arguments, (_PICTURE,))
         from copose.planning import solve
 
-        with _interruptible(watch):
+        with _on_interrupt(watch.interrupt):
             solution = solve(
                 problem,
                 seed=arguments.seed,
@@ -323,7 +325,7 @@ def _path(arguments: argparse.Namespace) -> int:
         folder, problem = _prepare(arguments, [name for name, asked in wanted.items() if asked])
         from copose.paths import plan
 
-        with _interruptible(watch):
+        with _on_interrupt(watch.interrupt):
             motion = plan(problem, seed=arguments.seed, time_limit=arguments.time_limit)
         from copose.report import motion_animation, motion_picture, motion_table
         from copose.results import joint_trajectory_yaml, trajectory_csv
@@ -425,8 +427,8 @@ def _prepare(arguments: argparse.Namespace, beside: Sequence[str]) -> tuple[Path
 
 
 def _load(arguments: argparse.Namespace) -> Problem:
+    from copose.loader import load
     from copose.problem import read_override
-    from copose.reading import load
 
     changes: dict[str, object] = {}
     for key, value in map(read_override, arguments.set):
@@ -487,12 +489,13 @@ def _write(
     write_file(folder / _RESULT, to_json(answer).encode())
     if beside or figure is not None:
         stage("drawing")
-    for name, make in beside.items():
-        with _spared(folder / name):
-            write_file(folder / name, make())
-    if figure is not None:
-        with _spared(figure):
-            draw(answer, figure)
+    with _on_interrupt(partial(interrupt.end, f": the answer is in {folder / _RESULT}")):
+        for name, make in beside.items():
+            with _spared(folder / name):
+                write_file(folder / name, make())
+        if figure is not None:
+            with _spared(figure):
+                draw(answer, figure)
 
 
 @contextlib.contextmanager
@@ -577,22 +580,18 @@ def _emptied(stream: TextIO) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _interruptible(watch: Watch) -> Iterator[None]:
-    """What the first ^C brings to its end, with the best so far; the next does what it did before.
-
-    Args:
-        watch: of the command.
-    """
+def _on_interrupt(act: Callable[[], None]) -> Iterator[None]:
+    """What the first ^C does instead of ending the process; the next does what it did before."""
     before = signal.getsignal(signal.SIGINT)
     if not callable(before) or threading.current_thread() is not threading.main_thread():
         yield
         return
 
-    def interrupt(*_: object) -> None:
+    def first(*_: object) -> None:
         signal.signal(signal.SIGINT, before)
-        watch.interrupt()
+        act()
 
-    signal.signal(signal.SIGINT, interrupt)
+    signal.signal(signal.SIGINT, first)
     try:
         yield
     finally:
@@ -611,7 +610,7 @@ def _interrupted(
             _write(answer, folder, beside, None)
         written = f": the best so far is in {folder / _RESULT}"
     _tell(f"interrupted{written}")
-    return INTERRUPTED
+    return interrupt.INTERRUPTED
 
 
 @contextlib.contextmanager

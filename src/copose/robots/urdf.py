@@ -25,10 +25,10 @@ from copose.robots.arm import (
     freed,
     start_within_limits,
 )
-from copose.robots.expanding import XACRO
 from copose.robots.paths import resolve
 from copose.robots.plausibility import inertia_oddities, limit_oddities, negative_inertias
 from copose.robots.urdf_tree import MOVABLE, Standing, Tree, TreeJoint, read_tree
+from copose.robots.xacro_file import XACRO
 
 # As many as a planar arm may have links; what an arm costs grows with the square of it.
 _MOST_FREE = 32

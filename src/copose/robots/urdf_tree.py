@@ -18,7 +18,7 @@ from copose.errors import InputError, nearest, shown, together
 from copose.poses import Array, Pose, frozen_array
 from copose.problem import read_bytes
 from copose.robots.arm import Body, motion
-from copose.robots.expanding import XACRO, expanded
+from copose.robots.xacro_file import XACRO, expanded
 
 MOVABLE = ("revolute", "continuous", "prismatic")
 _MOST_BYTES = 50_000_000

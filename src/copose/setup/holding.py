@@ -21,8 +21,6 @@ _FEW, _MANY = 48, 512
 _ENOUGH = 30
 # Steps in which a posture has to come so near, m or rad, to count at a place.
 _STEPS, _NEAR = 20, 1e-6
-# Steps in which a posture has to come so near, m or rad, to count at a place.
-_STEPS, _NEAR = 20, 1e-6
 # Turns of a hand about its approach: quarters, and where they do not do, eighths.
 _QUARTERS, _EIGHTHS = 4, 8
 
