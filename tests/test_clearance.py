@@ -189,7 +189,8 @@ def test_between_walls_no_sampled_posture_is_better(
     walls: dict, between_walls: copose.Planner
 ) -> None:
     solution = between_walls.solve()
-    assert checked(walls, solution) < CLEARANCE + 2e-4
+    # Followed into contact.
+    assert checked(walls, solution) < CLEARANCE + 1e-7
     value = solution.objective.after
     truth, (one, other) = closed_pairs(walls, 60)
     assert min(len(one), len(other)) >= 40
@@ -214,7 +215,7 @@ def test_the_same_seed_on_one_planner_gives_the_same(between_walls: copose.Plann
 
     first, other = between_walls.solve(seed=3), between_walls.solve(seed=4)
     assert told(between_walls.solve(seed=3)) == told(first)
-    assert other.objective.after == pytest.approx(first.objective.after, abs=1e-5)
+    assert other.objective.after == pytest.approx(first.objective.after, abs=1e-9)
 
 
 # The plane: shapes by their corners and a radius, distances by plane geometry

@@ -272,6 +272,23 @@ def test_what_keeps_clear_is_what_distances_say(setting: Setting) -> None:
         np.testing.assert_array_equal(bodies.too_near(row, bodies.every), mine)
 
 
+def test_arms_that_are_far_apart_keep_clear(setting: Setting) -> None:
+    drawn = [setting.drawn(600 + k) for k in range(12)]
+    x = np.array([setting.x(q) for q in drawn])
+    chosen = np.array(list(itertools.product(range(12), repeat=2)))
+    far = setting.bodies.far_apart([x, x])(chosen)
+    q = [[drawn[i][0], drawn[j][1]] for i, j in chosen]
+    shared = setting.bodies.shared
+    least = np.array([setting.bodies.distances(setting.at(each), shared).min() for each in q])
+    assert 0 < far.sum() < len(far)
+    assert np.all(least[far] >= setting.bodies.clearance)
+    # Nothing is called near for the sake of balls that lie apart.
+    rough = setting.bodies.bounds(
+        setting.bodies.placed(np.array([setting.x(p) for p in q])), shared
+    )
+    np.testing.assert_array_equal(far, (rough >= setting.bodies.clearance).all(axis=1))
+
+
 def test_normals_at_witnesses_are_slopes_of_distances(pandas: Setting) -> None:
     """n·(b − a) moved along with the carriers, against differences of distances."""
     bodies, seen = pandas.bodies, 0

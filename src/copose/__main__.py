@@ -21,6 +21,8 @@ def run() -> int:
     # In the background of a script ^C is not meant for us: then it is ignored already.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, lambda *_: interrupt.end())
+    # All matrices are small: threads would wait for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         _open_streams()
         if not sys.warnoptions:

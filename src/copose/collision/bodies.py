@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from copose.collision.carriers import Carrier, Placements, carrier_poses, carriers_of
+from copose.collision.carriers import (
+    Carrier,
+    Placements,
+    carrier_poses,
+    carriers_of,
+    configurations,
+)
 from copose.collision.solids import Mesh, Part, Solid
 from copose.poses import Array, Indices, Mask, Pose
 from copose.progress import heed
@@ -129,6 +135,8 @@ class Bodies:
         self._planar = planar
         self._queries: dict[bytes, HullQueries] = {}
         self._functors: dict[tuple[int, int, str], Any] = {}
+        # The same configuration is often asked for several times on end.
+        self._latest: tuple[bytes, Placements] | None = None
 
     # Which pairs
 
@@ -163,7 +171,10 @@ class Bodies:
 
     def placed(self, x: Array) -> Placements:
         """Where all carriers are in configurations, (count, size)."""
-        return carrier_poses(self._arms, x)
+        key = x.tobytes()
+        if self._latest is None or self._latest[0] != key:
+            self._latest = key, carrier_poses(self._arms, x)
+        return self._latest[1]
 
     def clear(self, x: Array, pairs: Indices | None = None) -> Mask:
         """Which configurations, (count, size), keep the clearance in some tested pairs, or in all;
@@ -173,19 +184,22 @@ class Bodies:
         clear = np.ones(len(x), dtype=np.bool_)
         if not len(some) or not len(x):
             return clear
-        undecided = np.arange(len(x))
-        if not self._planar or len(x) > _FEW:
-            queries = self._hulls(some)
-            verdicts = []
-            for row in x:
+        if self._planar and len(x) <= _FEW:
+            where = self.placed(x)
+            for k in range(len(x)):
                 heed()
-                verdicts.append(queries.verdict(row))
-            clear = np.array([verdict is True for verdict in verdicts], dtype=np.bool_)
-            undecided = np.flatnonzero([verdict is None for verdict in verdicts])
-        where = self.placed(x[undecided])
-        for k, row in enumerate(undecided):
+                clear[k] = self._keeps_clear(where[k], some)
+            return clear
+        queries, unsure = self._hulls(some), []
+        for k, row in enumerate(x):
             heed()
-            clear[row] = self._keeps_clear(where[k], some)
+            verdict = queries.verdict(row)
+            clear[k] = verdict is not False
+            if verdict is None:
+                unsure.append(k)
+        where = self.placed(x[unsure])
+        for j, k in enumerate(unsure):
+            clear[k] = not self._enclosing(where[j], some)
         return clear
 
     def too_near(self, x: Array, pairs: Indices) -> Mask:
@@ -204,29 +218,43 @@ class Bodies:
         bounds: Array = gaps - self.radii[a] - self.radii[b]
         return bounds
 
-    def far_apart(self, alone: Sequence[Array], chosen: Indices) -> Mask:
-        """Which combinations of arms surely keep them apart, by the balls round their solids.
+    def far_apart(self, alone: Sequence[Array]) -> Callable[[Indices], Mask]:
+        """What says which combinations of arms surely keep them apart, by the balls round their
+        solids.
 
         Args:
             alone: by arm, configurations, (count_i, size), of which only its own joints count.
-            chosen: numbers of these, (count, K).
+
+        Returns:
+            A function of numbers of these, (count, K); (count,).
         """
-        far = np.ones(len(chosen), dtype=np.bool_)
+        arms, tables = self._pair_arms[self.shared], []
         centres = [self._centred(self.placed(x)) for x in alone]
         for i, j in combinations(range(len(alone)), 2):
-            rows, row = np.unique(chosen[:, i], return_inverse=True)
-            columns, column = np.unique(chosen[:, j], return_inverse=True)
-            apart = np.ones((len(rows), len(columns)), dtype=np.bool_)
-            arms = self._pair_arms[self.shared]
-            for a, b in np.vstack([
+            a, b = np.vstack([
                 self.pairs[self.shared[(arms == [i, j]).all(axis=1)]],
                 self.pairs[self.shared[(arms == [j, i]).all(axis=1)]][:, ::-1],
-            ]):  # fmt: skip
-                one, other = centres[i][rows, a], centres[j][columns, b]
-                squares = (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2 * one @ other.T
-                least = self.radii[a] + self.radii[b] + self.clearance
-                apart &= squares >= least**2 * (1 + _CAUTION)
-            far &= apart[row, column]
+            ]).T  # fmt: skip
+            least = self.radii[a] + self.radii[b] + self.clearance
+            # Most never come near: the boxes round all places of their balls are apart.
+            low, high = (
+                np.array([f(centres[k], axis=0) for k in (i, j)]) for f in (np.min, np.max)
+            )
+            between = np.maximum(low[0, a] - high[1, b], low[1, b] - high[0, a])
+            some = np.linalg.norm(np.maximum(between, 0.0), axis=1) < least * (1 + _CAUTION)
+            squares = least[some] ** 2 * (1 + _CAUTION)
+            tables.append((i, j, centres[i][:, a[some]], centres[j][:, b[some]], squares))
+
+        def far(chosen: Indices) -> Mask:
+            apart = np.ones(len(chosen), dtype=np.bool_)
+            for first in range(0, len(chosen), _FEW):
+                rows = chosen[first : first + _FEW]
+                for i, j, one, other, squares in tables:
+                    gaps = one[rows[:, i]] - other[rows[:, j]]
+                    fine = np.einsum("kpx,kpx->kp", gaps, gaps) >= squares
+                    apart[first : first + _FEW] &= fine.all(axis=1)
+            return apart
+
         return far
 
     def _centred(self, where: Placements) -> Array:
@@ -271,23 +299,34 @@ class Bodies:
                 least, which = found, int(some[k])
         return None if which < 0 else Nearest(least, self.names(which))
 
-    def witnesses(self, x: Array, within: float, pairs: Indices | None = None) -> list[Witness]:
-        """Of shapes nearer to each other than ``within``, m, in a configuration, (size,)."""
+    def witnesses(
+        self, x: Array, within: float, pairs: Indices | None = None, *, roughly: bool = False
+    ) -> list[Witness]:
+        """Of shapes nearer to each other than ``within``, m, in a configuration, (size,).
+
+        Args:
+            x: the configuration.
+            within: m.
+            pairs: of which; all if None.
+            roughly: whether hulls stand in for bodies that are a clearance farther apart than that.
+        """
         some = self.every if pairs is None else pairs
         where = self.placed(x[None])[0]
         places, found = _Places(where), []
         for pair in some[self.bounds(where, some) < within]:
             for one, other in self._of(pair):
-                if self._hull(one, other, places) < within:
-                    distance, a, b, normal = self._exact(one, other, places)
-                    if distance < within:
-                        i, j = one.carrier, other.carrier
-                        found.append(Witness(
-                            int(pair), distance, self.carriers[i], self.carriers[j],
-                            where.rotations[i].T @ (a - where.positions[i]),
-                            where.rotations[j].T @ (b - where.positions[j]),
-                            normal,
-                        ))  # fmt: skip
+                if not self._within(one, other, within, places):
+                    continue
+                far = roughly and not self._within(one, other, 2 * self.clearance, places)
+                distance, a, b, normal = self._exact(one, other, places, hulls=far)
+                if distance < within:
+                    i, j = one.carrier, other.carrier
+                    found.append(Witness(
+                        int(pair), distance, self.carriers[i], self.carriers[j],
+                        where.rotations[i].T @ (a - where.positions[i]),
+                        where.rotations[j].T @ (b - where.positions[j]),
+                        normal,
+                    ))  # fmt: skip
         return found
 
     def overlapping(self, x: Array) -> tuple[str, str] | None:
@@ -303,15 +342,27 @@ class Bodies:
         carries in a configuration, (size,).
         """
         where = self.placed(x[None])[0]
-        directions = _AROUND if self._planar else _ABOUT
+        return [
+            corners @ where.rotations[carrier].T + where.positions[carrier]
+            for arm, carrier, corners in self._outermost
+            if arm == i
+        ]
+
+    @cached_property
+    def _outermost(self) -> list[tuple[int, int, Array]]:
+        """The arm, the carrier and the outline, in the carrier's frame, of all parts."""
+        at_zero = configurations(self._arms, [Pose.from_rpy()] * len(self._arms),
+                                 [None] * len(self._arms), Pose.from_rpy())  # fmt: skip
+        where = self.placed(at_zero)[0]
         found = []
         for solid, parts in zip(self.solids, self._parts, strict=True):
-            for part in parts if solid.carrier.arm == i else ():
-                R, p = part.at(where)
+            for part in parts:
+                directions = (_AROUND if self._planar else _ABOUT) @ where.rotations[part.carrier]
                 corners, beyond = part.part.shape.hull
-                corners = corners @ R.T + p
+                corners = corners @ part.pose.rotation.T + part.pose.position
                 outermost = (corners @ directions.T).argmax(axis=0)
-                found.append(np.unique(corners[outermost] + beyond * directions, axis=0))
+                outline = np.unique(corners[outermost] + beyond * directions, axis=0)
+                found.append((solid.carrier.arm, part.carrier, outline))
         return found
 
     # How it is answered
@@ -333,7 +384,7 @@ class Bodies:
             self._queries[key] = HullQueries(
                 self._arms,
                 [(part.part.shape, part.pose, self.carriers[part.carrier]) for part in parts],
-                between,
+                np.array(between),
                 self.clearance,
             )
         return self._queries[key]
@@ -351,6 +402,17 @@ class Bodies:
                 left.append((gap, one, other))
         left.sort(key=lambda each: each[0])
         return all(self._apart(one, other, gap, places) for gap, one, other in left)
+
+    def _enclosing(self, where: Placements, pairs: Indices) -> bool:
+        """Whether in some pairs, whose surfaces are apart, a body encloses the other."""
+        places = _Places(where)
+        return any(
+            self._encloses(one, other, places)
+            for pair in pairs[self.bounds(where, pairs) <= 0]
+            for one, other in self._of(pair)
+            if (isinstance(one.part.shape, Mesh) or isinstance(other.part.shape, Mesh))
+            and self._within(one, other, 0.0, places)
+        )
 
     def _apart(self, one: _Placed, other: _Placed, gap: float, places: _Places) -> bool:
         """Whether two parts keep the clearance whose hulls do not."""
@@ -371,15 +433,24 @@ class Bodies:
 
         key = id(one), id(other), what
         if key not in self._functors:
-            shapes = [p.part.shape.bound if what == "hulls" else p.part.shape.coal
+            shapes = [p.part.shape.bound if what.startswith("hulls") else p.part.shape.coal
                       for p in (one, other)]  # fmt: skip
-            make = coal.ComputeCollision if what == "collide" else coal.ComputeDistance
+            make = coal.ComputeCollision if what.endswith("collide") else coal.ComputeDistance
             self._functors[key] = make(*shapes)
         return self._functors[key]
 
     def _hull(self, one: _Placed, other: _Placed, places: _Places) -> float:
         """Distance of the hulls of two parts."""
         return self._measured(one, other, "hulls", places)[0]
+
+    def _within(self, one: _Placed, other: _Placed, most: float, places: _Places) -> bool:
+        """Whether the hulls of two parts may be nearer to each other than so much."""
+        import coal
+
+        request, result = coal.CollisionRequest(), coal.CollisionResult()
+        request.security_margin, request.enable_contact = most + TOLERANCES[1], False
+        functor = self._functor(one, other, "hulls collide")
+        return bool(functor(places(one), places(other), request, result) > 0)
 
     def _measured(
         self, one: _Placed, other: _Placed, what: str, places: _Places
@@ -418,13 +489,14 @@ class Bodies:
         return request
 
     def _exact(
-        self, one: _Placed, other: _Placed, places: _Places
+        self, one: _Placed, other: _Placed, places: _Places, *, hulls: bool = False
     ) -> tuple[float, Array, Array, Array]:
         """Distance of two parts, the point of each, and the normal.
 
         For coal a mesh is its surface, and where two cross it tells no depth: hulls do.
         """
-        if isinstance(one.part.shape, Mesh) or isinstance(other.part.shape, Mesh):
+        meshes = isinstance(one.part.shape, Mesh) or isinstance(other.part.shape, Mesh)
+        if meshes and not hulls:
             distance, result = self._measured(one, other, "bodies", places)
             if distance > _TOUCHING and not self._encloses(one, other, places):
                 a, b = result.getNearestPoint1(), result.getNearestPoint2()

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 
 from copose.poses import Array, Pose, rotation_rows
-from copose.robots import Arm, Joint
+from copose.robots import Arm
 
 # Numbers of a pose in a configuration: position and quaternion [x, y, z, w].
 POSE = 7
@@ -101,13 +102,10 @@ def carrier_poses(arms: Sequence[Arm], x: Array) -> Placements:
         first += POSE
         rotations.append(rotation)
         positions.append(position)
-        for joint, values in zip(arm.joints, x[:, first : first + arm.n].T, strict=True):
-            position = rotation @ joint.placement.position + position
-            rotation = rotation @ joint.placement.rotation
-            if joint.kind == "revolute":
-                rotation = rotation @ _turns(joint, values)
-            else:
-                position = position + rotation @ joint.axis * values[:, None]
+        turns, shifts = _motions(arm, x[:, first : first + arm.n])
+        for j in range(arm.n):
+            position = (rotation @ shifts[:, j, :, None])[..., 0] + position
+            rotation = rotation @ turns[:, j]
             rotations.append(rotation)
             positions.append(position)
         first += arm.n
@@ -124,10 +122,29 @@ def _rotations(quaternions: Array) -> Array:
     return np.moveaxis(np.array(rotation_rows([w, x, y, z])), 2, 0)
 
 
-def _turns(joint: Joint, angles: Array) -> Array:
-    along = np.outer(joint.axis, joint.axis)
-    x, y, z = joint.axis
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    cosines, sines = np.cos(angles)[:, None, None], np.sin(angles)[:, None, None]
-    turns: Array = along + (np.eye(3) - along) * cosines + skew * sines
-    return turns
+def _motions(arm: Arm, q: Array) -> tuple[Array, Array]:
+    """placement_j · motion_j(q_j) of every joint at (count, n): rotations, (count, n, 3, 3), and
+    positions, (count, n, 3).
+    """
+    turning, axes, along, skew, rotations, positions = _constants(arm)
+    angles = np.where(turning, q, 0.0)[..., None, None]
+    turns = along + (np.eye(3) - along) * np.cos(angles) + skew * np.sin(angles)
+    shifts = axes * np.where(turning, 0.0, q)[..., None]
+    return rotations @ turns, positions + (rotations @ shifts[..., None])[..., 0]
+
+
+@lru_cache(maxsize=64)
+def _constants(arm: Arm) -> tuple[Array, ...]:
+    """Of its joints: which turn, (n,); axes, (n, 3), their dyads and cross products, (n, 3, 3); and
+    their placements.
+    """
+    axes = np.reshape([joint.axis for joint in arm.joints], (-1, 3))
+    skew = np.cross(axes[:, None], np.eye(3)).transpose(0, 2, 1)
+    return (
+        np.array([joint.kind == "revolute" for joint in arm.joints], dtype=bool),
+        axes,
+        axes[:, :, None] * axes[:, None, :],
+        skew,
+        np.reshape([joint.placement.rotation for joint in arm.joints], (-1, 3, 3)),
+        np.reshape([joint.placement.position for joint in arm.joints], (-1, 3)),
+    )

@@ -1,4 +1,4 @@
-"""Which configurations are surely clear, and which surely not, by convex hulls in one call each."""
+"""Which configurations are clear, and which not, in a call of Pinocchio or two each."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from copose.collision.carriers import Carrier
 from copose.collision.solids import Shape
-from copose.poses import Array, Pose
+from copose.poses import Array, Indices, Pose
 from copose.robots import Arm
 
 # How exactly it is computed; what is nearer to a threshold is left to others, m.
@@ -24,7 +24,7 @@ class HullQueries:
         self,
         arms: Sequence[Arm],
         shapes: Sequence[tuple[Shape, Pose, Carrier]],
-        pairs: Sequence[tuple[int, int]],
+        pairs: Indices,
         clearance: float,
     ) -> None:
         """Build the model.
@@ -32,52 +32,61 @@ class HullQueries:
         Args:
             arms: that carry the shapes.
             shapes: each with its placement in its carrier's frame.
-            pairs: numbers of shapes that are tested against each other.
+            pairs: numbers of shapes that are tested against each other, (k, 2).
             clearance: what they must keep, m.
         """
-        self._model, joints = _joints(arms)
-        self._data = self._model.createData()
-        geometries = [
-            pin.GeometryObject(
-                str(k), joints[carrier], pin.SE3(pose.rotation, pose.position), shape.bound
-            )
-            for k, (shape, pose, carrier) in enumerate(shapes)
-        ]
-        below = np.array([shape.below for shape, _, _ in shapes])
-        margins = {pair: clearance - below[pair[0]] - below[pair[1]] - _UNSURE for pair in pairs}
-        surely = [pair for pair in pairs if margins[pair] > 0]
-        self._clear = _Query(geometries, dict.fromkeys(pairs, clearance + _UNSURE))
-        self._near = _Query(geometries, {pair: margins[pair] for pair in surely})
-        self._manager = pin.BroadPhaseManager_SSaPCollisionManager(
-            self._model, self._clear.model, self._clear.data
-        )
+        model, joints = _joints(arms)
+        hulls, surfaces = [], []
+        used, numbers = np.unique(pairs, return_inverse=True)
+        for k in used:
+            shape, pose, carrier = shapes[k]
+            place = joints[carrier], pin.SE3(pose.rotation, pose.position)
+            hulls.append(pin.GeometryObject(str(k), *place, shape.bound))
+            surfaces.append(pin.GeometryObject(str(k), *place, shape.coal))
+        pairs = numbers.reshape(-1, 2)
+        self._near = _Query(model, hulls, pairs, clearance + _UNSURE)
+        self._hit = _Query(model, surfaces, pairs, clearance)
 
     def verdict(self, x: Array) -> bool | None:
-        """Whether a configuration, (size,), is clear; None where hulls do not tell."""
-        model, data = self._model, self._data
-        if not pin.computeCollisions(model, data, self._manager, x, True):
+        """Whether a configuration, (size,), is clear; None where hulls do not tell and surfaces are
+        apart: then one body may still enclose the other.
+        """
+        if not self._near.any(x):
             return True
-        near = self._near
-        pin.updateGeometryPlacements(model, data, near.model, near.data)
-        return False if pin.computeCollisions(near.model, near.data, True) else None
+        return False if self._hit.any(x) else None
 
 
 class _Query:
-    """Pairs with a margin each."""
+    """Whether some of the pairs are nearer than a margin."""
 
-    def __init__(self, geometries: Sequence[object], margins: dict[tuple[int, int], float]) -> None:
-        self.model = pin.GeometryModel()
+    def __init__(
+        self,
+        model: pin.Model,
+        geometries: Sequence[object],
+        pairs: Indices,
+        margin: float,
+    ) -> None:
+        self._model, self._data = model, model.createData()
+        self._geometries = pin.GeometryModel()
         for geometry in geometries:
-            self.model.addGeometryObject(geometry)
-        for pair in margins:
-            self.model.addCollisionPair(pin.CollisionPair(int(pair[0]), int(pair[1])))
-        self.data = pin.GeometryData(self.model)
-        for request, margin in zip(self.data.collisionRequests, margins.values(), strict=True):
+            self._geometries.addGeometryObject(geometry)
+        for a, b in pairs.tolist():
+            self._geometries.addCollisionPair(pin.CollisionPair(a, b))
+        self._placed = pin.GeometryData(self._geometries)
+        for request in self._placed.collisionRequests:
             request.security_margin = margin
             request.gjk_tolerance = request.epa_tolerance = _TOLERANCE
             # What was asked before must not matter.
             request.gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
             request.enable_contact = False
+        self._manager = pin.BroadPhaseManager_SSaPCollisionManager(
+            model, self._geometries, self._placed
+        )
+
+    def any(self, x: Array) -> bool:
+        """In a configuration, (size,)."""
+        near: bool = pin.computeCollisions(self._model, self._data, self._manager, x, True)
+        return near
 
 
 def _joints(arms: Sequence[Arm]) -> tuple[pin.Model, dict[Carrier, int]]:

@@ -12,7 +12,7 @@ from copose.paths.course import Course
 from copose.paths.roadmap import Roadmap
 from copose.planning.capacity import Capacity
 from copose.planning.clearance import in_the_way
-from copose.planning.clearing import alone_clear, keep_apart
+from copose.planning.clearing import alone_clear, kept_apart
 from copose.planning.machinery import Machinery
 from copose.planning.objectives import EllipsoidMeasure
 from copose.poses import Array, Indices, Mask
@@ -150,7 +150,7 @@ class Values:
         if not len(chosen):
             return
         q = [roadmap.layers[k].q for roadmap in self._roadmaps]
-        clear = keep_apart(self._course.settings[k], q, chosen)
+        clear = kept_apart(self._course.settings[k], q)(chosen)
         values[usable] = np.where(clear, values[usable], -np.inf)
 
     def _of(self, k: int, sums: Array) -> Array:

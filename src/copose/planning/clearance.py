@@ -19,10 +19,14 @@ from copose.planning.measuring import Measurement
 from copose.poses import Array, Indices, Pose
 from copose.results import CollisionRecord, matrix
 
-# What programs keep beyond the clearance, m, for a row is exact to first order only.
+# What programs keep beyond the clearance, m, for a row is exact to first order only; what then
+# counts as touching; and what they keep where the row's points are witnesses of where they end.
 SPARE = 5e-6
+TOUCHING = 3 * SPARE
+EXACT = 1e-8
 # Rows of a program at least; of the same two carriers, at first.
-_ROWS, _OF_TWO = 8, 2
+ROWS = 8
+_OF_TWO = 2
 # Postures that are measured to tell what is in the way.
 _MEASURED = 64
 # Nearest misses that differ by less are one, m.
@@ -63,7 +67,7 @@ class Apart:
     @classmethod
     def of(cls, bodies: Bodies, cuts: Sequence[Sequence[Witness]]) -> Apart | None:
         """Room for the witnesses of every posture; None where there are none."""
-        most, rows = max(map(len, cuts), default=0), _ROWS
+        most, rows = max(map(len, cuts), default=0), ROWS
         while rows < most:
             rows *= 2
         return cls(bodies.carriers, rows) if most else None
@@ -108,30 +112,33 @@ def of_two(witnesses: Sequence[Witness]) -> tuple[Witness, ...]:
     return tuple(kept)
 
 
-def held_back(bodies: Bodies, cuts: Sequence[Witness], x: Array, near: Sequence[Witness]) -> bool:
+def rows_of(bodies: Bodies, cuts: Sequence[Witness], x: Array) -> Array:
+    """What the rows of witnesses, n·(b − a), are in a configuration, (size,), m."""
+    where = bodies.placed(x[None])[0]
+    number = {carrier: k for k, carrier in enumerate(bodies.carriers)}
+    rows = np.zeros(len(cuts))
+    for k, cut in enumerate(cuts):
+        i, j = number[cut.first], number[cut.second]
+        a = where.rotations[i] @ cut.a + where.positions[i]
+        b = where.rotations[j] @ cut.b + where.positions[j]
+        rows[k] = cut.normal @ (b - a)
+    return rows
+
+
+def held_back(
+    bodies: Bodies, cuts: Sequence[Witness], x: Array, touching: Sequence[Witness]
+) -> bool:
     """Whether rows stop a program at a configuration, (size,), whose bodies do not.
 
     Args:
         bodies: what is measured.
         cuts: witnesses whose rows it keeps.
         x: where it has ended.
-        near: witnesses there.
+        touching: witnesses there.
     """
-    if not cuts:
-        return False
-    where = bodies.placed(x[None])[0]
-    number = {carrier: k for k, carrier in enumerate(bodies.carriers)}
-    least: dict[int, float] = {}
-    for each in near:
-        least[each.pair] = min(least.get(each.pair, np.inf), each.distance)
-    for cut in cuts:
-        i, j = number[cut.first], number[cut.second]
-        a, b = (where.rotations[k] @ point + where.positions[k]
-                for k, point in ((i, cut.a), (j, cut.b)))  # fmt: skip
-        stops = cut.normal @ (b - a) < bodies.clearance + 2 * SPARE
-        if stops and least.get(cut.pair, np.inf) > bodies.clearance + 3 * SPARE:
-            return True
-    return False
+    touched = {each.pair for each in touching}
+    stop = rows_of(bodies, cuts, x) < bodies.clearance + 2 * SPARE
+    return any(cut.pair not in touched for cut, stops in zip(cuts, stop, strict=True) if stops)
 
 
 def configurations_of(cell: Cell, q: Sequence[Array | None]) -> Array:

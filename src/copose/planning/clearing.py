@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import prod
 
@@ -18,7 +18,7 @@ from copose.poses import Array, Indices, Mask
 _COMBINED = 1024
 # Where at most such a part of an arm's postures is clear others are closed between those next to
 # each other, at such parts of the way.
-_FEW_CLEAR, _BETWEEN = 0.5, (0.25, 0.5, 0.75)
+_FEW_CLEAR, _BETWEEN = 0.5, (0.5, 0.25, 0.75)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ def clear_postures(machinery: Machinery, setting: Setting, postures: Sequence[Ar
     for i, mine in enumerate(postures):
         clear = alone_clear(setting, i, mine)
         if clear.mean() <= _FEW_CLEAR:
-            more = _denser(machinery, setting, i, mine)
+            more = _denser(machinery, setting, i, mine, len(mine) - int(clear.sum()))
             mine = np.vstack([mine, more])
             clear = np.concatenate([clear, np.ones(len(more), dtype=bool)])
         if not clear.any():
@@ -69,17 +69,24 @@ def alone_clear(setting: Setting, i: int, q: Array) -> Mask:
     return bodies.clear(setting.configurations(_alone(setting, i, q)), bodies.own(i))
 
 
-def keep_apart(setting: Setting, postures: Sequence[Array], chosen: Indices) -> Mask:
-    """Which combinations, (count, K), of the arms' postures keep the arms clear of each other."""
+def kept_apart(setting: Setting, postures: Sequence[Array]) -> Callable[[Indices], Mask]:
+    """What says which combinations, (count, K), of the arms' postures keep the arms clear of each
+    other.
+    """
     bodies = setting.bodies
     assert bodies is not None
     alone = [setting.configurations(_alone(setting, i, q)) for i, q in enumerate(postures)]
-    clear = bodies.far_apart(alone, chosen)
-    near = np.flatnonzero(~clear)
-    if len(near):
-        q = [mine[rows] for mine, rows in zip(postures, chosen[near].T, strict=True)]
-        clear[near] = bodies.clear(setting.configurations(q), bodies.shared)
-    return clear
+    far_apart = bodies.far_apart(alone)
+
+    def allowed(chosen: Indices) -> Mask:
+        clear = far_apart(chosen)
+        near = np.flatnonzero(~clear)
+        if len(near):
+            q = [mine[rows] for mine, rows in zip(postures, chosen[near].T, strict=True)]
+            clear[near] = bodies.clear(setting.configurations(q), bodies.shared)
+        return clear
+
+    return allowed
 
 
 def in_each_others_way(setting: Setting, postures: Sequence[Array], seed: int) -> Blocked:
@@ -106,22 +113,26 @@ def _alone(setting: Setting, i: int, q: Array) -> list[Array | None]:
     return [q if j == i else None for j in range(len(setting.cell.arms))]
 
 
-def _denser(machinery: Machinery, setting: Setting, i: int, q: Array) -> Array:
-    """Closed postures of arm i between those next to each other, (count, n), that keep clear; no
-    more of them than of these.
+def _denser(machinery: Machinery, setting: Setting, i: int, q: Array, most: int) -> Array:
+    """Closed postures of arm i between those next to each other, (count, n), that keep clear; about
+    so many at most.
 
     Little of a self-motion may be clear, and few samples lie there.
     """
     cell, kernels = setting.cell, machinery.arms[i]
+    found = [q[:0]]
     if kernels.n == kernels.m or len(q) < 2:
-        return q[:0]
+        return found[0]
     near = neighbours(cell, kernels, i, q)
     pairs = np.column_stack([np.repeat(np.arange(len(q)), near.shape[1]), near.ravel()])
     a, b = np.unique(np.sort(pairs, axis=1), axis=0).T
     apart = cell.nearest_turn(i, q[b] - q[a])
-    drawn = np.vstack([q[a] + part * apart for part in _BETWEEN])
     goal = setting.placement.goals[i]
-    ends, gaps = project(kernels, drawn, goal, cell.lower[i], cell.upper[i])
-    found = ends[gaps < CLOSED]
-    found = found[alone_clear(setting, i, found)]
-    return np.asarray(found[:: max(1, -(-len(found) // len(q)))])
+    for part in _BETWEEN:
+        ends, gaps = project(kernels, q[a] + part * apart, goal, cell.lower[i], cell.upper[i])
+        ends = ends[gaps < CLOSED]
+        found.append(ends[alone_clear(setting, i, ends)])
+        if sum(map(len, found)) >= most:
+            break
+    more = np.vstack(found)
+    return np.asarray(more[:: max(1, -(-len(more) // most))])

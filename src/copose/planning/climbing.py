@@ -21,8 +21,9 @@ _SAME_JOINTS = 1e-3
 _TIE = 1e-8
 # Ends that did not converge matter where they come near the best.
 _NEAR_BEST = 1e-2
-# Climbs that bodies stop of which IPOPT goes on, the best starts first.
-_STOPPED = 8
+# Of how many starts one climb that bodies stop is gone on with by IPOPT, the best starts first; and
+# of how many at least.
+_STOPPED, _FEWEST = 6, 4
 _KINKED = 10
 # Starts that are polished at a time, and how many times the largest gain so far the next may hope
 # for.
@@ -40,7 +41,7 @@ class Climbs:
 
     def __init__(self, machinery: Machinery, setting: Setting, most: int = _KINKED) -> None:
         """Nothing polished yet; of what Newton steps leave so many are finished by IPOPT."""
-        self._most, self._stopped = min(most, _KINKED), _STOPPED
+        self._most, self._stopped = min(most, _KINKED), max(_FEWEST, most // _STOPPED)
         self.machinery, self.setting = machinery, setting
         self.starts = 0
         self.ends: list[LocalOptimum] = []
@@ -133,20 +134,20 @@ class Climbs:
         left = _left(setting.cell, ends, solved | ~held, machinery.smooth, self._most)
         # Where torque limits or bodies end a climb IPOPT climbs with them, from a start that keeps
         # them; but where not even the climb without them came up to the best, it is no use.
-        stopped = ~held & machinery.allowed(setting, starts)
+        stopped = np.flatnonzero(~held)
         if setting.bodies is not None:
-            rows = np.flatnonzero(stopped & (ends.value > self.best))
-            scores = machinery.objectives(setting, starts[rows])
-            stopped[:] = False
-            rows = rows[np.argsort(-scores, kind="stable")[: self._stopped]]
-            stopped[rows] = True
-            self._stopped -= len(rows)
+            stopped = stopped[ends.value[stopped] > self.best]
+        stopped = stopped[machinery.allowed(setting, starts[stopped])]
+        if setting.bodies is not None:
+            scores = machinery.objectives(setting, starts[stopped])
+            stopped = stopped[np.argsort(-scores, kind="stable")[: self._stopped]]
+            self._stopped -= len(stopped)
         left = np.vstack([left, starts[stopped]])
         if machinery.smooth:
             stalled = int((~solved).sum()) - len(left)
             if setting.bodies is not None:
                 # What bodies stop has not failed.
-                stalled -= int((~held & ~stopped).sum())
+                stalled -= int((~held).sum()) - len(stopped)
             self.failures += [LocalSolve(starts[0], False, "Stalled_Far_Below_Best", {})] * stalled
         self._solve(left)
         return np.where(ends.converged, ends.value, -np.inf)
@@ -157,12 +158,10 @@ class Climbs:
         Returns:
             The objective where each ends, −inf where nowhere, (count,).
         """
-        machinery, setting, ends = self.machinery, self.setting, []
+        machinery, setting = self.machinery, self.setting
         if len(q) == 0:
             return np.zeros(0)
-        for k, end in enumerate(machinery.solve_programs(setting, q)):
-            stage("polishing", k, len(q))
-            ends.append(end)
+        ends = list(machinery.solve_programs(setting, q))
         values = machinery.objectives(setting, np.array([end.q for end in ends]))
         good = np.isfinite(values) & np.array([end.converged for end in ends])
         for end, value, fine in zip(ends, values, good, strict=True):

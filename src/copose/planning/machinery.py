@@ -20,11 +20,16 @@ from copose.planning.arm_kernels import ArmKernels, Placement, Placer, terms_ker
 from copose.planning.capacity import HELD, Capacity, Holding
 from copose.planning.cell import Cell
 from copose.planning.clearance import (
+    EXACT,
+    ROWS,
+    SPARE,
+    TOUCHING,
     Apart,
     configurations_of,
     held_back,
     of_two,
     overlap_notes,
+    rows_of,
     with_collision,
 )
 from copose.planning.freedom import Freedom
@@ -37,6 +42,7 @@ from copose.planning.polishing import Crew, Polisher
 from copose.planning.program import Given, LocalSolve, PostureProgram
 from copose.planning.screening import Score
 from copose.poses import Array, Mask
+from copose.progress import stage
 
 # s
 _LOOK_AGAIN = 0.5
@@ -45,9 +51,12 @@ _LOOK_AGAIN = 0.5
 _EXCHANGES, _WANDER, _NEARER, _NO_ROOM = 20, 6, 0.3, 1e-6
 # What a climb may lose by rounding, relative.
 _LOSS = 1e-9
-# Bodies that are less than this farther apart than they must be matter to a program, m; and how
-# often it is solved with those that it has run into.
-_MATTERS, _COLLISIONS = 0.02, 10
+# Bodies that are less than this farther apart than they must be matter to a program, m, and where
+# there are none, others; and how often it is solved with those that it has run into.
+_MATTERS, _FARTHER, _COLLISIONS = 0.01, 0.1, 12
+# What comes within this of the best, relative, is followed along bodies that it touches for as long
+# as it gains so much: what it would gain next is of the order of the square.
+_NEAR_BEST, _GAIN = 3e-5, 1e-6
 # Optima of which the first that keeps clear is looked for.
 _LOOKED_AT = 16
 
@@ -343,7 +352,7 @@ class Machinery:
 
     def clear(self, setting: Setting, q: Array) -> Mask:
         """Which postures, (count, N), keep the clearance, (count,)."""
-        if setting.bodies is None:
+        if setting.bodies is None or not len(q):
             return np.ones(len(q), dtype=bool)
         return setting.bodies.clear(setting.configurations(self.split(q)))
 
@@ -374,7 +383,7 @@ class Machinery:
             return
         demands = self.demands(setting, q)
         if not objective.dear:
-            ends = list(self._programs(setting, q, demands))
+            ends = self._programs(setting, q, demands)
             there = self.objectives(setting, np.array([end.q for end in ends]))
             lost = ~(there >= self.objectives(setting, q) - _LOSS * (1 + np.abs(there)))
             for start, end, wanted, leave in zip(q, ends, demands, lost, strict=True):
@@ -402,7 +411,7 @@ class Machinery:
             if k >= _WANDER:
                 here = best
             box = np.maximum(lower, here - room), np.minimum(upper, here + room)
-            found = next(self._programs(setting, here[None], [demands], box))
+            found = self._programs(setting, here[None], [demands], box)[0]
             if not found.converged:
                 break
             parts = self.split(found.q[None])
@@ -426,16 +435,26 @@ class Machinery:
         q: Array,
         demands: Sequence[Sequence[Demand]] | None,
         bounds: tuple[Array, Array] | None = None,
-    ) -> Iterator[LocalSolve]:
-        """The same with the demands of each start, where the objective has some."""
+    ) -> list[LocalSolve]:
+        """The same with the demands of each start, where the objective has some.
+
+        What ends touching bodies and near the best is followed along them.
+        """
         bounds = setting.bounds if bounds is None else bounds
         numbers, beside = self.given(setting, q, demands)
-        best = -np.inf
-        for start, wanted, more in zip(q, numbers, beside, strict=True):
-            end = self._climb(setting, start, wanted, more, bounds, best)
-            if end.converged:
-                best = max(best, self.objectives(setting, end.q[None])[0])
-            yield end
+        ends, best = [], -np.inf
+        for k, start in enumerate(q):
+            stage("polishing", k, len(q))
+            ends.append(self._climb(setting, start, numbers[k], beside[k], bounds, best))
+            if ends[k].converged:
+                best = max(best, self.objectives(setting, ends[k].q[None])[0])
+        if setting.bodies is None:
+            return ends
+        values = self.objectives(setting, np.array([end.q for end in ends]))
+        for k in np.argsort(-values, kind="stable"):
+            if ends[k].converged and not values[k] < best - _NEAR_BEST * max(1.0, abs(best)):
+                ends[k] = self._followed(setting, ends[k], numbers[k], beside[k], bounds)
+        return ends
 
     def _climb(
         self,
@@ -446,34 +465,85 @@ class Machinery:
         bounds: tuple[Array, Array],
         best: float,
     ) -> LocalSolve:
-        """A run of IPOPT from a posture, (N,), or as many as it takes to keep bodies apart."""
-        cuts, known = self.near(setting, start), None
+        """A run of IPOPT from a posture, (N,), or as many as it takes to keep bodies apart.
+
+        Rows hold at every start, so that no program is without a feasible point.
+        """
+        bodies, known, value = setting.bodies, None, -np.inf
+        cuts, room, met = self.near(setting, start), np.inf, set[int]()
         for _ in range(_COLLISIONS):
-            end = self._run(setting, cuts, start, numbers, beside, bounds)
+            box = np.maximum(bounds[0], start - room), np.minimum(bounds[1], start + room)
+            end = self._run(setting, cuts, start, numbers, beside, box)
             if not end.converged:
                 return end if known is None else known
+            there = self.objectives(setting, end.q[None])[0]
             # Where a run is dear: what keeps clear of more will hardly be better.
-            dear = self.capacity is not None and known is None
-            if dear and not self.objectives(setting, end.q[None])[0] > best:
+            if self.capacity is not None and known is None and not there > best:
                 return replace(end, converged=False, status="Below_Best")
-            if setting.bodies is None:
+            if bodies is None:
                 return end
-            x = setting.configurations(self.split(end.q[None]))[0]
-            near = setting.bodies.witnesses(x, setting.bodies.clearance + _MATTERS)
-            hit = tuple(each for each in near if each.distance < setting.bodies.clearance)
+            before, x = setting.configurations(self.split(np.array([start, end.q])))
+            touching = bodies.witnesses(x, bodies.clearance + TOUCHING)
+            hit = [each for each in touching if each.distance < bodies.clearance]
+            far = np.abs(end.q - start).max()
             if hit:
-                # What it has run into joins the pairs that matter.
-                cuts += hit
-            elif not held_back(setting.bodies, cuts, x, near):
+                if known is None and there < best - _NEAR_BEST * max(1.0, abs(best)):
+                    return replace(end, converged=False, status="Below_Best")
+                # What it has run into joins the pairs that matter; where that has not been enough
+                # it may go half as far.
+                pairs = {each.pair for each in hit}
+                if pairs & met:
+                    room = far / 2
+                met |= pairs
+                hold = rows_of(bodies, hit, before) >= bodies.clearance + SPARE
+                cuts += tuple(each for each, holds in zip(hit, hold, strict=True) if holds)
+                cuts += tuple(
+                    bodies.witnesses(before, np.inf, np.array(sorted(pairs)), roughly=True)
+                )
+                continue
+            if known is not None and not there > value:
+                return known
+            if far < room and not held_back(bodies, cuts, x, touching):
                 return end
-            else:
-                # A row of where it came from is in the way, and no body.
-                known, start, cuts = end, end.q, of_two(near)
+            # A row of where it came from is in the way, and no body.
+            known, value, start = end, there, end.q
+            cuts, room, met = self.near(setting, start), np.inf, set()
         return replace(end, converged=False, status="Collision") if known is None else known
+
+    def _followed(
+        self,
+        setting: Setting,
+        end: LocalSolve,
+        numbers: Array,
+        beside: Array,
+        bounds: tuple[Array, Array],
+    ) -> LocalSolve:
+        """Where bodies that a climb has ended at lead it.
+
+        Rows are exact to first order where their points are witnesses: from there they are made
+        anew until that gains nothing.
+        """
+        bodies = setting.bodies
+        assert bodies is not None
+        value = self.objectives(setting, end.q[None])[0]
+        for _ in range(_COLLISIONS):
+            x = setting.configurations(self.split(end.q[None]))[0]
+            if not bodies.witnesses(x, bodies.clearance + TOUCHING):
+                break
+            cuts = self.near(setting, end.q)
+            found = self._run(setting, cuts, end.q, numbers, beside, bounds, EXACT - SPARE)
+            gain = self.objectives(setting, found.q[None])[0] - value
+            if not (found.converged and gain > 0 and self.clear(setting, found.q[None])[0]):
+                break
+            end, value = found, value + gain
+            if gain < _GAIN:
+                break
+        return end
 
     def near(self, setting: Setting, q: Array) -> tuple[Witness, ...]:
         """Bodies that matter to a program that starts at a posture, (N,), the nearest first."""
-        return of_two(self._witnesses(setting, q, _MATTERS))
+        near = of_two(self._witnesses(setting, q, _MATTERS))
+        return near or of_two(self._witnesses(setting, q, _FARTHER, roughly=True))[:ROWS]
 
     def runs_into(self, setting: Setting, q: Array, margin: float = 0.0) -> tuple[Witness, ...]:
         """Bodies that a program has let come too near at its end, (N,), where they are to keep so
@@ -481,12 +551,14 @@ class Machinery:
         """
         return self._witnesses(setting, q, margin)
 
-    def _witnesses(self, setting: Setting, q: Array, beyond: float) -> tuple[Witness, ...]:
+    def _witnesses(
+        self, setting: Setting, q: Array, beyond: float, *, roughly: bool = False
+    ) -> tuple[Witness, ...]:
         bodies = setting.bodies
         if bodies is None:
             return ()
         x = setting.configurations(self.split(q[None]))[0]
-        return tuple(bodies.witnesses(x, bodies.clearance + beyond))
+        return tuple(bodies.witnesses(x, bodies.clearance + beyond, roughly=roughly))
 
     def apart(self, cuts: Sequence[Sequence[Witness]]) -> Apart | None:
         """Rows of a program that keep bodies apart, enough for any of some postures."""
@@ -508,11 +580,12 @@ class Machinery:
         numbers: Array,
         beside: Array,
         bounds: tuple[Array, Array],
+        margin: float = 0.0,
     ) -> LocalSolve:
         if not np.all(np.isfinite(beside)):
             return LocalSolve(start, False, "Singular_Start", {})
         apart = self.apart([cuts])
-        given = np.concatenate([numbers, self.kept_apart(apart, cuts)])
+        given = np.concatenate([numbers, self.kept_apart(apart, cuts, margin)])
         place = Given(setting.cell.parameters, given, beside)
         return self.built(None, apart).solve(start, [place], *bounds)
 

@@ -13,7 +13,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from copose.planning.clearing import alone_clear, keep_apart
+from copose.planning.clearing import alone_clear, kept_apart
 from copose.planning.curves import Curve
 from copose.planning.machinery import Machinery, Setting
 from copose.poses import Array, Indices, Mask
@@ -162,7 +162,7 @@ class Grid:
         chosen = np.zeros((len(rows), len(self._arms)), dtype=np.intp)
         for column, i in enumerate(self.moving):
             chosen[:, i] = rows[:, column]
-        return keep_apart(self._setting, [nodes.q for nodes in self._arms], chosen)
+        return kept_apart(self._setting, [nodes.q for nodes in self._arms])(chosen)
 
     def _beside(self) -> Mask:
         """Entries that are reached or next to one that is."""

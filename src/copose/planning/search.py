@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -16,7 +15,7 @@ from copose.planning.clearing import (
     alone_clear,
     clear_postures,
     in_each_others_way,
-    keep_apart,
+    kept_apart,
 )
 from copose.planning.climbing import SAME_OBJECTIVE, Climbs, gathered
 from copose.planning.judging import judged
@@ -388,7 +387,7 @@ def _screened(
 ) -> Screened:
     terms = [machinery.terms(setting, i, mine) for i, mine in enumerate(postures)]
     if setting.bodies is not None and allowed is None:
-        allowed = partial(keep_apart, setting, postures)
+        allowed = kept_apart(setting, postures)
     if machinery.static:
         # A combination that cannot be held may stand above a neighbour that can.
         neighbours = [near[:, :0] for near in neighbours]
