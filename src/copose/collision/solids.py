@@ -163,10 +163,11 @@ class Mesh:
         a, b, c = np.swapaxes(x[faces], 0, 1)
         inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
         faces[inward] = faces[inward][:, [0, 2, 1]]
-        facets = np.unique(hull.equations.round(12), axis=0)
+        facets, corners = np.unique(hull.equations.round(12), axis=0), x[hull.vertices]
         # Rounding must leave no point of the surface outside.
-        facets[:, 3] = -(x @ facets[:, :3].T).max(axis=0)
-        return x[hull.vertices], number[faces], facets
+        for some in np.array_split(facets, 1 + facets.size * len(corners) // _AT_ONCE**2):
+            some[:, 3] = -(corners @ some[:, :3].T).max(axis=0) - _ROUNDING
+        return corners, number[faces], facets
 
     @property
     def _box(self) -> tuple[Array, Indices, Array]:
@@ -181,7 +182,7 @@ class Mesh:
     @property
     def hull(self) -> tuple[Array, float]:
         """Points (n, 3) and a distance: all within it of their convex hull holds the surface."""
-        return self.vertices, 0.0
+        return self._hull[0], 0.0
 
     @property
     def witness(self) -> Array:
