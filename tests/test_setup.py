@@ -194,6 +194,9 @@ def test_grasps_are_taught_by_joints(here: Path, capsys) -> None:
     ]
     tips = ["--tip", "left=panda_hand", "--tip", "b=panda_link8"]
     assert main(["init", PANDA, PANDA, "-o", "p.toml", "--quiet", *tips, *said]) == 0
+    written = tomllib.loads((here / "p.toml").read_text())
+    assert [arm["start"] for arm in written["arms"]] == [left, right]
+    assert not any("grasp" in arm for arm in written["arms"])
     problem = copose.load("p.toml")
     model = pin.buildModelFromUrdf(str(resolve(PANDA, Path(), {})))
     data, tips_ = model.createData(), []

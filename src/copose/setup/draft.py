@@ -14,12 +14,13 @@ import numpy as np
 from copose.collision.urdf_geometry import LinkShapes
 from copose.errors import InputError, nearest
 from copose.kernels import one_at_a_time
+from copose.loader import parse
 from copose.planning.aims import objective_of
 from copose.planning.arm_kernels import ArmKernels
 from copose.planning.cell import Cell
 from copose.planning.starts import starts
 from copose.poses import Array, Pose
-from copose.problem import SCHEMA, parse
+from copose.problem import SCHEMA
 from copose.progress import stage
 from copose.robots import Arm, ArmStart
 from copose.setup.chains import FEWEST
@@ -332,8 +333,7 @@ class _Writer:
                 "where its root link stands in the world",
             )  # fmt: skip
         if taught:
-            how = "the tip's frame in the object's, at the joints below"
-            text.put("grasp", placement(self.holding.grasps[i]), how)
+            text.remark("no grasp: it is where the joints below have the tip")
         else:
             how = f"the tip's {hand.name} axis towards the object"
             how += ", for nothing says which" if hand.guess else ""
