@@ -15,7 +15,9 @@ import copose
 from cells import FILES, planar, tables, two_pandas
 from copose.cli import main
 from copose.errors import InputError
+from copose.manual import page
 from copose.problem import SCHEMA
+from copose.problem.reference import made_reference
 from copose.problem.schema import made_schema
 
 VALIDATOR = jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text()))
@@ -23,6 +25,8 @@ VALIDATOR = jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text()))
 
 def test_the_file_in_the_package_is_what_the_models_make() -> None:
     assert SCHEMA.read_text() == made_schema(), "write made_schema() to it"
+    reference = made_reference(json.loads(SCHEMA.read_text()))
+    assert page("problem-files") == reference, "write made_reference(…) to it"
     jsonschema.Draft202012Validator.check_schema(VALIDATOR.schema)
 
 

@@ -129,6 +129,10 @@ def _parser() -> argparse.ArgumentParser:
     schema = commands.add_parser("schema", help="JSON Schema of problem files, for editors")
     schema.set_defaults(run=_schema)
 
+    manual = commands.add_parser("manual", help="the manual, or the list of its topics")
+    manual.add_argument("topic", nargs="?", metavar="TOPIC", help="what to read about")
+    manual.set_defaults(run=_manual)
+
     check = _command(
         commands, "check", "read the file and the robots, and print the chains", _check
     )
@@ -409,6 +413,22 @@ def _schema(arguments: argparse.Namespace) -> int:
 
     with _printing():
         sys.stdout.write(read_text(SCHEMA))
+    return SOLVED
+
+
+def _manual(arguments: argparse.Namespace) -> int:
+    from rich.markdown import Markdown
+    from rich.table import Table
+
+    from copose.manual import page, topics
+
+    if arguments.topic is not None:
+        _print(Markdown(page(arguments.topic)))
+        return SOLVED
+    table = Table.grid(padding=(0, 2))
+    for topic, title in topics().items():
+        table.add_row(topic, title)
+    _print(table)
     return SOLVED
 
 
