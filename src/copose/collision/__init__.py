@@ -7,6 +7,7 @@ from copose.collision.carriers import (
     carrier_poses,
     carriers_of,
     configurations,
+    joint_columns,
 )
 from copose.collision.scene import Scene
 from copose.collision.solids import Mesh, Part, Primitive, Solid
@@ -25,4 +26,5 @@ __all__ = [
     "carrier_poses",
     "carriers_of",
     "configurations",
+    "joint_columns",
 ]

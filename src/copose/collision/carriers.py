@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from copose.poses import Array, Pose, rotation_rows
+from copose.poses import Array, Indices, Pose, rotation_rows
 from copose.robots import Arm
 
 # Numbers of a pose in a configuration: position and quaternion [x, y, z, w].
@@ -87,6 +87,14 @@ def configurations(
         joints = np.zeros(arm.n) if mine is None else np.asarray(mine, dtype=float)
         parts.append(np.broadcast_to(joints, (count, arm.n)))
     return np.hstack(parts)
+
+
+def joint_columns(arms: Sequence[Arm]) -> Indices:
+    """Which numbers of a configuration are joint positions, (N,)."""
+    edges = POSE + np.cumsum([0, *(POSE + arm.n for arm in arms)])
+    return np.concatenate([
+        edge + POSE + np.arange(arm.n) for edge, arm in zip(edges[:-1], arms, strict=True)
+    ])  # fmt: skip
 
 
 def carrier_poses(arms: Sequence[Arm], x: Array) -> Placements:

@@ -12,7 +12,6 @@ from copose.kernels import Kernel
 from copose.paths.torques import exertable
 from copose.planning.capacity import Capacity
 from copose.planning.cell import Cell
-from copose.planning.clearance import Apart
 from copose.planning.constraints import Constraint, closure_constraints, equality
 from copose.planning.limits_measures import LimitsMeasure
 from copose.planning.limits_program import holding_addition, kept_bounds, limits_addition
@@ -82,7 +81,6 @@ class KnotTask:
         objective: Objective,
         numbers: int,
         capacity: Capacity | None,
-        kept_apart: Apart | None,
         form: Form,
     ) -> None:
         """Write it down.
@@ -92,17 +90,13 @@ class KnotTask:
             objective: what is maximised.
             numbers: how many parameters it has.
             capacity: what torque limits allow, where they matter.
-            kept_apart: what may not touch.
             form: which program.
         """
         system = cell.system
         symbols = ca.SX.sym("numbers", numbers)
-        slots = ca.SX.sym("witnesses", 0 if kept_apart is None else kept_apart.numbers)
         b = len(system.space.balance)
         inertial, duration = ca.SX.sym("inertial", b), ca.SX.sym("duration")
         constraints = list(closure_constraints(system))
-        if kept_apart is not None:
-            constraints += kept_apart.constraints(system, slots)
         parts: dict[str, ca.SX] = {"q": system.q}
         value = ca.SX(0)
         if form.common in (None, "level"):
@@ -154,7 +148,7 @@ class KnotTask:
             for name, a, z in zip(parts, edges[:-1], edges[1:], strict=True)
         }
         self._y = ca.vertcat(*parts.values())
-        self._p = ca.vertcat(system.parameters, symbols, slots, inertial, duration)
+        self._p = ca.vertcat(system.parameters, symbols, inertial, duration)
         self._value, self._g = value, ca.vertcat(*(c.expression for c in self.constraints))
         self.joints = system.q.numel()
         J = ca.jacobian(self._g, self._y)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from copose.paths.clearance_rows import ClearanceRows
 from copose.paths.evaluation import Evaluated
 from copose.paths.knot_task import Form, KnotTask
 from copose.paths.linear_rows import Builder, LinearRows
@@ -52,7 +53,7 @@ _WARM: dict[str, object] = {
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
-    """Of an answer: of its variables' bounds and of its constraints."""
+    """Of an answer: of its variables' bounds and of its constraints but those on clearance."""
 
     bounds: Array
     constraints: Array
@@ -69,6 +70,7 @@ class Task:
         lower: of the joints at every knot, (n, N); ``upper`` alike.
         speeds: limits of the joints, (N,).
         held: at which knots the object is held at rest, where the program has that, (n,).
+        clearance: rows that keep bodies apart.
         tightened: what is left of each constraint's bounds at every knot, as a part, (n, g); ones
             where nothing was taken away.
         returns: whether the last knot is the first.
@@ -84,6 +86,7 @@ class Task:
     upper: Array
     speeds: Array
     held: Mask
+    clearance: ClearanceRows | None = None
     tightened: Array | None = None
     returns: bool = False
     beside: Multipliers | None = None
@@ -146,7 +149,8 @@ class _Run:
         # S is the mean of (Δq/Δt)² over the intervals and the joints.
         self._calm = calm * (count - 1) / self._joints
         self._sign = -1.0 if form.common == "level" else 1.0
-        self._links = self._linked()
+        self._links, self._clearance = self._linked(), given.clearance
+        self._spaced = 0 if given.clearance is None else len(given.clearance)
         self._lay_out()
 
     def solve(self, start: Array) -> Solved:
@@ -161,8 +165,10 @@ class _Run:
             lower[~given.held, self._task.slices["hold"]] = 0.0
             upper[~given.held, self._task.slices["hold"]] = 0.0
         low, high = self._bounds()
-        beside = given.beside
-        known = {} if beside is None else {"lam_x0": beside.bounds, "lam_g0": beside.constraints}
+        beside, known = given.beside, {}
+        if beside is not None:
+            multipliers = np.concatenate([beside.constraints, np.zeros(self._spaced)])
+            known = {"lam_x0": beside.bounds, "lam_g0": multipliers}
         more = _WARM if beside is not None else _NEAR if given.near else {}
         answer = self._solver(more | {"ipopt.max_iter": given.iterations})(
             x0=start.ravel(), lbx=lower.ravel(), ubx=upper.ravel(), lbg=low, ubg=high, **known
@@ -172,12 +178,15 @@ class _Run:
         worst = int(np.nan_to_num(excess, nan=np.inf).argmax())
         y = np.array(answer["x"]).reshape(count, size)
         y[:, : self._joints] = np.clip(y[:, : self._joints], given.lower, given.upper)
+        multipliers = np.array(answer["lam_g"]).ravel()
         return Solved(
             y=y,
             converged=stats["return_status"] == "Solve_Succeeded",
             status=str(stats["return_status"]),
             violated=(*self._name(worst), float(excess[worst])),
-            multipliers=Multipliers(np.array(answer["lam_x"]), np.array(answer["lam_g"])),
+            multipliers=Multipliers(
+                np.array(answer["lam_x"]), multipliers[: len(multipliers) - self._spaced]
+            ),
         )
 
     def _bounds(self) -> tuple[Array, Array]:
@@ -199,14 +208,18 @@ class _Run:
             lows *= self._given.tightened
             highs *= self._given.tightened
         return (
-            np.concatenate([lows.ravel(), self._links.lower]),
-            np.concatenate([highs.ravel(), self._links.upper]),
+            np.concatenate([lows.ravel(), self._links.lower, np.zeros(self._spaced)]),
+            np.concatenate([highs.ravel(), self._links.upper, np.full(self._spaced, np.inf)]),
         )
 
     def _name(self, row: int) -> tuple[str, int]:
         own = len(self._task.bounds[0])
         if row >= own * self._count:
-            return self._links.names[row - own * self._count]
+            row -= own * self._count
+            if row < len(self._links.names):
+                return self._links.names[row]
+            assert self._clearance is not None
+            return "clearance", int(self._clearance.knots[row - len(self._links.names)])
         k, row = divmod(row, own)
         for constraint in self._task.constraints:
             if row < constraint.expression.numel():
@@ -268,9 +281,15 @@ class _Run:
         )
         columns = np.concatenate([(task.pattern[1] + size * starts).ravel(), self._links.columns])
         total = own * n + len(self._links.lower)
+        mask = np.zeros((size, size), dtype=bool)
+        if self._clearance is not None:
+            row, column = np.nonzero(self._clearance.moved)
+            rows = np.concatenate([rows, row + total])
+            columns = np.concatenate([columns, column + size * self._clearance.knots[row]])
+            total += self._spaced
+            mask[self._clearance.coupled] = True
         self._jacobian, self._jacobian_order = _compressed(total, size * n, rows, columns)
         self._rows_count = total
-        mask = np.zeros((size, size), dtype=bool)
         mask[task.coupled] = mask[task.curved] = True
         mask[np.arange(N), np.arange(N)] = True
         self._local = np.nonzero(mask)
@@ -313,7 +332,10 @@ class _Run:
             cost -= float(values[:, 0].mean())
         else:
             cost += self._sign * float(y[0, self._task.slices[self._form.common].start])
-        return [cost, np.concatenate([values[:, 1:].ravel(), self._tied(x)])]
+        parts = [values[:, 1:].ravel(), self._tied(x)]
+        if self._clearance is not None:
+            parts.append(self._clearance.values(q))
+        return [cost, np.concatenate(parts)]
 
     def _tied(self, x: Array) -> Array:
         links = self._links
@@ -338,7 +360,11 @@ class _Run:
     def _jacobian_of(self, x: Array, p: Array) -> list[Array | float]:
         y = x.reshape(self._count, self._size)
         entries = self._task.slopes(y, self._given.parameters)[:, self._size :]
-        every = np.concatenate([entries.ravel(), self._links.entries])
+        parts = [entries.ravel(), self._links.entries]
+        if self._clearance is not None:
+            slopes = self._clearance.slopes(y[:, : self._joints])
+            parts.append(slopes[self._clearance.moved])
+        every = np.concatenate(parts)
         return [self._values(x, p)[1], every[self._jacobian_order]]
 
     def _hessian_of(self, x: Array, p: Array, sigma: Array, lam: Array) -> list[Array]:
@@ -361,6 +387,8 @@ class _Run:
         H[:, :N, :N] = (columns[:, :, :N] + columns[:, :, :N].swapaxes(1, 2)) / 2
         if len(task.curved[0]):
             H[:, task.curved[0], task.curved[1]] = task.rest(given, P)
+        if self._clearance is not None:
+            H[:, :N, :N] += self._clearance.bends(y[:, :N], lam[len(lam) - self._spaced :])
         bend = 2 * self._calm * sigma[0]
         q = np.arange(N)
         H[1:, q, q] += bend

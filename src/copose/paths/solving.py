@@ -13,12 +13,12 @@ import numpy as np
 
 from copose.capability.torque_limits import Demand
 from copose.collision import Witness
+from copose.paths.clearance_rows import ClearanceRows
 from copose.paths.course import Course
 from copose.paths.drive import Drive
 from copose.paths.knot_task import OVER, Form, KnotTask
 from copose.paths.motion_program import MotionProgram, Multipliers, Solved, Task
 from copose.paths.starting import started
-from copose.planning.clearance import Apart
 from copose.planning.limits_measures import LimitsMeasure
 from copose.planning.machinery import Machinery, Setting
 from copose.poses import Array, Mask
@@ -112,7 +112,7 @@ class Solver:
         """
         self._machinery, self._drive = machinery, drive
         self._kinked = kinked
-        self._tasks: dict[tuple[Form, Apart | None], KnotTask] = {}
+        self._tasks: dict[Form, KnotTask] = {}
         self._numbers = self._count_numbers()
 
     def _count_numbers(self) -> int:
@@ -124,19 +124,14 @@ class Solver:
             )
         return len(setting.numbers)
 
-    def task(self, form: Form, apart: Apart | None = None) -> KnotTask:
+    def task(self, form: Form) -> KnotTask:
         """What the programs of a form hold at a knot."""
-        if (form, apart) not in self._tasks:
+        if form not in self._tasks:
             machinery, capacity = self._machinery, self._drive.capacity
-            self._tasks[form, apart] = KnotTask(
-                machinery.cell,
-                machinery.objective,
-                self._numbers,
-                capacity,
-                apart,
-                form,
+            self._tasks[form] = KnotTask(
+                machinery.cell, machinery.objective, self._numbers, capacity, form
             )
-        return self._tasks[form, apart]
+        return self._tasks[form]
 
     def solved(self, case: Case, q: Array, beside: Multipliers | None = None) -> Shaped:
         """The best motion near one, (n, N), with demands that a program left out."""
@@ -198,8 +193,9 @@ class Solver:
         beside: Multipliers | None,
     ) -> Shaped:
         machinery, course, wanted = self._machinery, case.course, case.wanted
-        apart = machinery.apart(near)
-        task = self.task(case.form, apart)
+        task, clearance = self.task(case.form), None
+        if machinery.bodies is not None and any(near):
+            clearance = ClearanceRows(machinery.bodies, course.settings, near, wanted.margin)
         start = started(
             machinery, self._drive, task, course, q, wanted.duration, demands, case.slack
         )
@@ -211,7 +207,6 @@ class Solver:
                 np.concatenate([
                     setting.cell.parameters,
                     self._numbers_at(setting, None if demands is None else demands[k]),
-                    machinery.kept_apart(apart, near[k], wanted.margin),
                     inertial[k],
                     [wanted.duration],
                 ])
@@ -229,6 +224,7 @@ class Solver:
                 upper=upper,
                 speeds=case.speeds,
                 held=machinery.cell.held_knots(len(course)),
+                clearance=clearance,
                 tightened=_parts(task, case.shares, case.calm),
                 returns=wanted.returns,
                 beside=beside,
