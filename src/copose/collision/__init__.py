@@ -1,6 +1,6 @@
 """What takes up room: solids, which of them may not touch, and how near they come."""
 
-from copose.collision.bodies import Bodies, Nearest, Witness
+from copose.collision.bodies import Bodies, Nearest, Places, Witness
 from copose.collision.carriers import (
     Carrier,
     Placements,
@@ -19,6 +19,7 @@ __all__ = [
     "Nearest",
     "Part",
     "Placements",
+    "Places",
     "Primitive",
     "Scene",
     "Solid",

@@ -267,14 +267,14 @@ class Bodies:
         """Distances of the convex hulls of some pairs, never larger than the bodies'; below zero
         how deep they overlap, (k,). What is farther than ``most`` has the bound by balls.
         """
-        found, places = self.bounds(where, pairs), _Places(where)
+        found, places = self.bounds(where, pairs), Places(where)
         for k in np.flatnonzero(found < most):
             found[k] = min(self._hull(one, other, places) for one, other in self._of(pairs[k]))
         return found
 
     def distances(self, where: Placements, pairs: Indices) -> Array:
         """Of the bodies of some pairs, m, (k,); where they overlap −(the depth of their hulls)."""
-        places = _Places(where)
+        places = Places(where)
         return np.array([
             min(self._exact(one, other, places)[0] for one, other in self._of(pair))
             for pair in pairs
@@ -312,7 +312,7 @@ class Bodies:
         """
         some = self.every if pairs is None else pairs
         where = self.placed(x[None])[0]
-        places, found = _Places(where), []
+        places, found = Places(where), []
         for pair in some[self.bounds(where, some) < within]:
             for one, other in self._of(pair):
                 if not self._within(one, other, within, places):
@@ -391,7 +391,7 @@ class Bodies:
 
     def _keeps_clear(self, where: Placements, pairs: Indices) -> bool:
         """Whether bodies of some pairs keep the clearance, those whose hulls are nearest first."""
-        places, left = _Places(where), []
+        places, left = Places(where), []
         for pair in pairs[self.bounds(where, pairs) < self.clearance]:
             for one, other in self._of(pair):
                 gap = self._hull(one, other, places)
@@ -405,7 +405,7 @@ class Bodies:
 
     def _enclosing(self, where: Placements, pairs: Indices) -> bool:
         """Whether in some pairs, whose surfaces are apart, a body encloses the other."""
-        places = _Places(where)
+        places = Places(where)
         return any(
             self._encloses(one, other, places)
             for pair in pairs[self.bounds(where, pairs) <= 0]
@@ -414,7 +414,7 @@ class Bodies:
             and self._within(one, other, 0.0, places)
         )
 
-    def _apart(self, one: _Placed, other: _Placed, gap: float, places: _Places) -> bool:
+    def _apart(self, one: _Placed, other: _Placed, gap: float, places: Places) -> bool:
         """Whether two parts keep the clearance whose hulls do not."""
         import coal
 
@@ -426,6 +426,42 @@ class Bodies:
         """The parts of a pair of solids, each of one with each of the other."""
         a, b = self.pairs[pair]
         return ((one, other) for one in self._parts[a] for other in self._parts[b])
+
+    # Part by part
+
+    @cached_property
+    def parts(self) -> Indices:
+        """The tested pair that each two parts belong to, that are tested against each other."""
+        return np.array([
+            pair for pair in self.every for _ in self._of(pair)
+        ], dtype=np.intp)  # fmt: skip
+
+    @cached_property
+    def _two(self) -> list[tuple[_Placed, _Placed]]:
+        return [both for pair in self.every for both in self._of(pair)]
+
+    def hull_gap(self, places: Places, k: int) -> tuple[float, Array]:
+        """Distance of the hulls of two parts, by their number in ``parts``, and its direction."""
+        distance, result = self._measured(*self._two[k], "hulls", places)
+        return distance, result.normal
+
+    def gap(self, places: Places, k: int) -> float:
+        """Distance of two parts themselves."""
+        return self._exact(*self._two[k], places)[0]
+
+    def spans(self, where: Placements, k: int, normals: Array) -> Array:
+        """How far apart the hulls of two parts are along directions, (m, 3), each at its own
+        configuration, (m,): no more than their distance; (m,).
+        """
+        one, other = self._two[k]
+        reach = np.zeros(len(normals))
+        for part, sign in ((one, 1.0), (other, -1.0)):
+            R = where.rotations[:, part.carrier]
+            own = (sign * normals[:, None] @ R)[:, 0]
+            middles = (normals * where.positions[:, part.carrier]).sum(axis=1)
+            reach += sign * middles + own @ part.pose.position
+            reach += part.part.shape.support(own @ part.pose.rotation)
+        return np.asarray(-reach)
 
     def _functor(self, one: _Placed, other: _Placed, what: str) -> Any:
         """What measures a pair of parts: bodies, hulls, or whether bodies come too near."""
@@ -439,11 +475,11 @@ class Bodies:
             self._functors[key] = make(*shapes)
         return self._functors[key]
 
-    def _hull(self, one: _Placed, other: _Placed, places: _Places) -> float:
+    def _hull(self, one: _Placed, other: _Placed, places: Places) -> float:
         """Distance of the hulls of two parts."""
         return self._measured(one, other, "hulls", places)[0]
 
-    def _within(self, one: _Placed, other: _Placed, most: float, places: _Places) -> bool:
+    def _within(self, one: _Placed, other: _Placed, most: float, places: Places) -> bool:
         """Whether the hulls of two parts may be nearer to each other than so much."""
         import coal
 
@@ -453,7 +489,7 @@ class Bodies:
         return bool(functor(places(one), places(other), request, result) > 0)
 
     def _measured(
-        self, one: _Placed, other: _Placed, what: str, places: _Places
+        self, one: _Placed, other: _Placed, what: str, places: Places
     ) -> tuple[float, Any]:
         import coal
 
@@ -489,7 +525,7 @@ class Bodies:
         return request
 
     def _exact(
-        self, one: _Placed, other: _Placed, places: _Places, *, hulls: bool = False
+        self, one: _Placed, other: _Placed, places: Places, *, hulls: bool = False
     ) -> tuple[float, Array, Array, Array]:
         """Distance of two parts, the point of each, and the normal.
 
@@ -507,7 +543,7 @@ class Bodies:
             distance, result = self._measured(one, other, "hulls", places)
         return distance, result.getNearestPoint1(), result.getNearestPoint2(), result.normal
 
-    def _encloses(self, one: _Placed, other: _Placed, places: _Places) -> bool:
+    def _encloses(self, one: _Placed, other: _Placed, places: Places) -> bool:
         """Whether a mesh of one of two parts that do not cross encloses the other."""
         for outer, inner in ((one, other), (other, one)):
             shape = outer.part.shape
@@ -518,8 +554,8 @@ class Bodies:
         return False
 
 
-class _Places:
-    """Where parts are, for coal."""
+class Places:
+    """Where parts are in a configuration, for coal."""
 
     def __init__(self, where: Placements) -> None:
         """Nothing placed yet."""
@@ -527,6 +563,7 @@ class _Places:
         self._known: dict[int, Any] = {}
 
     def __call__(self, part: _Placed) -> Any:
+        """Where one is."""
         import coal
 
         if id(part) not in self._known:

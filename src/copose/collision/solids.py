@@ -67,6 +67,15 @@ class Primitive:
         end = np.array([0.0, 0.0, sum(length) / 2])
         return np.array([-end, end]), radius
 
+    def support(self, directions: Array) -> Array:
+        """How far the shape reaches in unit directions, (m, 3); (m,)."""
+        x, y, z = np.abs(directions.T)
+        if self.kind == "box":
+            return np.asarray((np.column_stack([x, y, z][: len(self.size)]) @ self.size) / 2)
+        radius, *length = self.size
+        along = z * sum(length) / 2
+        return np.asarray(along + (np.hypot(x, y) if self.kind == "cylinder" else 1.0) * radius)
+
     @property
     def witness(self) -> Array:
         """A point of the shape."""
@@ -183,6 +192,10 @@ class Mesh:
     def hull(self) -> tuple[Array, float]:
         """Points (n, 3) and a distance: all within it of their convex hull holds the surface."""
         return self._hull[0], 0.0
+
+    def support(self, directions: Array) -> Array:
+        """How far the surface reaches in unit directions, (m, 3); (m,)."""
+        return np.asarray((self._hull[0] @ directions.T).max(axis=0))
 
     @property
     def witness(self) -> Array:

@@ -96,10 +96,9 @@ class Answer:
         notes: list[str] = []
         extremes = []
         for k, setting in enumerate(course.settings):
-            measured = machinery.measure(setting, [mine[k] for mine in q])
+            measured = machinery.measure(setting, [mine[k] for mine in q], outlined=False)
             posture = measured.posture
             given = {key: getattr(posture, key) for key in posture.model_fields_set}
-            given.pop("bodies", None)
             values.append(measured.value)
             notes += measured.notes
             extremes.append(measured.extremes)

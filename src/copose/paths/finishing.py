@@ -123,8 +123,8 @@ class Finisher:
                 continue
             if found.converged and seen.fine:
                 here = replace(wanted, duration=found.duration)
-                found = self.shaper.kept(course, found, here)
-                seen = self._seen(course, found)
+                before, found = found, self.shaper.kept(course, found, here)
+                seen = seen if found is before else self._seen(course, found)
                 if found.converged and seen.fine:
                     break
             if 2 * count - 1 > _MOST_KNOTS:

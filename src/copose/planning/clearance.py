@@ -167,13 +167,16 @@ def in_the_way(bodies: Bodies, x: Array, pairs: Indices, *, every: bool) -> Bloc
     return Blocked(f"{a} and {b} {how}, at best", every or len(alike) >= _MANY)
 
 
-def with_collision(cell: Cell, measured: Measurement, bodies: Bodies) -> Measurement:
-    """A measured posture with its smallest distance and the outlines of its arms."""
+def with_collision(
+    cell: Cell, measured: Measurement, bodies: Bodies, *, outlined: bool = True
+) -> Measurement:
+    """A measured posture with its smallest distance and, if wanted, the outlines of its arms."""
     joints = [np.array(q) for q in measured.posture.joints.values()]
     x = configurations_of(cell, joints)[0]
-    outlines = {arm.name: tuple(map(matrix, bodies.outlines(x, i)))
-                for i, arm in enumerate(cell.arms)}  # fmt: skip
-    keys: dict[str, Any] = {"bodies": outlines}
+    keys: dict[str, Any] = {}
+    if outlined:
+        keys["bodies"] = {arm.name: tuple(map(matrix, bodies.outlines(x, i)))
+                          for i, arm in enumerate(cell.arms)}  # fmt: skip
     nearest, notes = bodies.nearest(x), measured.notes
     if nearest is not None:
         keys["collision"] = CollisionRecord(distance=nearest.distance, pair=nearest.pair)

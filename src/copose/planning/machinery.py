@@ -622,11 +622,15 @@ class Machinery:
         assert self.capacity is not None and holding is not None
         return objective.tightened(self.capacity, setting.cell, holding, self.split(q), demands)
 
-    def measure(self, setting: Setting, joints: Sequence[Array]) -> Measurement:
-        """A posture as it is reported, by arm (n_i,)."""
+    def measure(
+        self, setting: Setting, joints: Sequence[Array], *, outlined: bool = True
+    ) -> Measurement:
+        """A posture as it is reported, by arm (n_i,); ``outlined`` for pictures."""
         cell = setting.cell
         measured = self.meter.toward(setting.objective).measure(cell, joints)
-        return measured if self.bodies is None else with_collision(cell, measured, self.bodies)
+        if self.bodies is None:
+            return measured
+        return with_collision(cell, measured, self.bodies, outlined=outlined)
 
     def overlap(self, cell: Cell, joints: Sequence[Array]) -> tuple[str, ...]:
         """A note where bodies overlap at a posture, by arm (n_i,), that nothing keeps apart."""
