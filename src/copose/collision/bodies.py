@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from heapq import heapify, heapreplace
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
@@ -284,20 +285,23 @@ class Bodies:
         """The nearest of some tested pairs, or of all, in a configuration, (size,); None where
         none is tested.
 
-        Bodies are measured in ascending order of what bounds their distance, until a bound exceeds
-        the smallest. Of hulls that overlap all are measured.
+        What bounds the smallest distance is measured better, balls by hulls and hulls by bodies,
+        until it is a distance.
         """
         some = self.every if pairs is None else pairs
         where = self.placed(x[None])[0]
-        hulls = self.hull_distances(where, some)
-        least, which = np.inf, -1
-        for k in np.argsort(hulls, kind="stable"):
-            if hulls[k] > max(least, 0.0):
-                break
-            found = float(self.distances(where, some[[k]])[0])
-            if found < least:
-                least, which = found, int(some[k])
-        return None if which < 0 else Nearest(least, self.names(which))
+        places = Places(where)
+        measures = (self._hull, lambda *both: self._exact(*both)[0])
+        known = [(bound, 0, pair) for bound, pair in
+                 zip(self.bounds(where, some).tolist(), some.tolist(), strict=True)]  # fmt: skip
+        heapify(known)
+        while known:
+            least, measured, pair = known[0]
+            if measured == len(measures):
+                return Nearest(least, self.names(pair))
+            better = min(measures[measured](*both, places) for both in self._of(pair))
+            heapreplace(known, (better, measured + 1, pair))
+        return None
 
     def witnesses(
         self, x: Array, within: float, pairs: Indices | None = None, *, roughly: bool = False

@@ -27,6 +27,8 @@ _BESIDE, _ASLANT, _CARRIED = 1.7, 0.5, 1.0
 # Postures of a layer, with one degree of freedom to spare and with more, of how many they are first
 # chosen, and by how much spacings grow where there would be more.
 _MOST, _MOST_SURFACE, _DRAWN, _COARSER = 120, 200, 480, 1.25
+# By how much squares of distances may be rounded.
+_ROUNDED = 1e-9
 # How many times finer they are where bodies may be in the way.
 _FINER = 4
 # How many times more of them there may be around a posture to start from.
@@ -247,31 +249,41 @@ class Roadmap:
         q = q[self._clear_of(known, q, distance)] if len(known) and len(q) else q
         if len(q) == 0:
             return np.vstack([known, q])
-        apart = np.linalg.norm(self.apart(q[:, None], q[None]), axis=2)
+        rows, columns = self._near(q, q, distance)
+        edges = np.searchsorted(rows, np.arange(len(q) + 1))
         free = np.ones(len(q), dtype=bool)
         chosen = []
         for row in range(len(q)):
             if free[row]:
                 chosen.append(row)
-                free &= apart[row] > distance
+                free[columns[edges[row] : edges[row + 1]]] = False
         return np.vstack([known, q[chosen]])
 
+    def _near(self, q: Array, others: Array, distance: float) -> tuple[Indices, Indices]:
+        """Which postures are within a distance of which others, by numbers; rows ascend."""
+        # Chords are no longer than arcs, and products of matrices are quick but for rounding.
+        places, there = (self._cell.embedded(self._i, x) for x in (q, others))
+        square = (places**2).sum(axis=1)[:, None] + (there**2).sum(axis=1) - 2 * places @ there.T
+        rows, columns = np.nonzero(square <= distance**2 + _ROUNDED)
+        near = np.linalg.norm(self.apart(q[rows], others[columns]), axis=1) <= distance
+        return rows[near], columns[near]
+
     def _moves(self, before: Array, carried: Array, q: Array, k: int) -> Array:
-        moves = self.apart(q[None], before[:, None])
-        if len(q) == 0 or len(before) == 0:
+        moves = np.full((len(before), *q.shape), np.nan)
+        closed = np.flatnonzero(np.isfinite(carried[:, 0]))
+        if len(q) == 0 or len(closed) == 0:
             return moves
         # Tangents where something is near.
-        size = np.linalg.norm(self.apart(q[None], carried[:, None]), axis=2)
-        rows, columns = np.nonzero(size <= _BESIDE * self.spacing)
-        tangents = self._tangents(np.where(np.isfinite(carried), carried, before), k)[rows]
+        rows, columns = self._near(carried[closed], q, _BESIDE * self.spacing)
+        tangents = self._tangents(carried[closed], k)[rows]
+        rows = closed[rows]
         offset = self.apart(q[columns], carried[rows])
         along = np.linalg.norm((tangents @ offset[:, :, None])[:, :, 0], axis=1)
-        length = size[rows, columns]
+        length = np.linalg.norm(offset, axis=1)
         aside = np.sqrt(np.maximum(length**2 - along**2, 0.0))
         fine = (aside <= _ASLANT * length) | (length <= 5 * _ALIKE)
-        allowed = np.zeros(size.shape, dtype=bool)
-        allowed[rows[fine], columns[fine]] = True
-        moves[~allowed] = np.nan
+        rows, columns = rows[fine], columns[fine]
+        moves[rows, columns] = self.apart(q[columns], before[rows])
         return moves
 
     def reached(self) -> list[Mask]:
