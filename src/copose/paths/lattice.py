@@ -45,10 +45,12 @@ class Moves:
         """From which postures each can be come to, and at what cost, (few, count) each: a posture
         has few moves to it, and only these are compared.
         """
-        finite = np.isfinite(self.costs)
-        most = max(int(finite.sum(axis=0).max(initial=0)), 1)
-        before = np.argsort(~finite, axis=0, kind="stable")[:most]
-        return before, np.take_along_axis(self.costs, before, axis=0)
+        columns, rows = np.nonzero(np.isfinite(self.costs.T))
+        place = np.arange(len(rows)) - np.searchsorted(columns, columns)
+        shape = int(place.max(initial=0)) + 1, self.costs.shape[1]
+        before, costs = np.zeros(shape, dtype=np.intp), np.full(shape, np.inf)
+        before[place, columns], costs[place, columns] = rows, self.costs[rows, columns]
+        return before, costs
 
     @cached_property
     def allowed(self) -> Array:
@@ -266,10 +268,17 @@ def _best_before(worth: Array, moves: Moves) -> tuple[Array, Indices]:
     """
     heed()
     before, costs = moves.arrivals
-    steps = worth[before] - costs[:, :, None]
-    best = steps.argmax(axis=0)
-    found = np.take_along_axis(steps, best[None], axis=0)[0]
-    return found, before[best, np.arange(before.shape[1])[:, None]]
+    found = worth[before[0]] - costs[0][:, None]
+    came = np.repeat(before[0][:, None], worth.shape[1], axis=1)
+    # Not all at once, for processors keep little at hand.
+    for rows, cost in zip(before[1:], costs[1:], strict=True):
+        some = np.flatnonzero(np.isfinite(cost))
+        steps = worth[rows[some]] - cost[some, None]
+        known = found[some]
+        better = steps > known
+        found[some] = np.where(better, steps, known)
+        came[some] = np.where(better, rows[some, None], came[some])
+    return found, came
 
 
 def _widest_before(widest: Array, moves: Moves) -> Array:
