@@ -314,10 +314,21 @@ class Bodies:
             pairs: of which; all if None.
             roughly: whether hulls stand in for bodies that are a clearance farther apart than that.
         """
-        some = self.every if pairs is None else pairs
-        where = self.placed(x[None])[0]
+        return self.all_witnesses(x[None], within, pairs, roughly=roughly)[0]
+
+    def all_witnesses(
+        self, x: Array, within: float, pairs: Indices | None = None, *, roughly: bool = False
+    ) -> list[list[Witness]]:
+        """The same in each of some configurations, (count, size)."""
+        some, where = self.every if pairs is None else pairs, self.placed(x)
+        near = self.bounds(where, some) < within
+        return [self._near(where[k], within, some[mine], roughly) for k, mine in enumerate(near)]
+
+    def _near(
+        self, where: Placements, within: float, pairs: Indices, roughly: bool
+    ) -> list[Witness]:
         places, found = Places(where), []
-        for pair in some[self.bounds(where, some) < within]:
+        for pair in pairs:
             for one, other in self._of(pair):
                 if not self._within(one, other, within, places):
                     continue

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from copose.collision import Bodies, Witness, joint_columns
+from copose.collision import Bodies, Witness
+from copose.paths.course import Course
 from copose.planning.clearance import SPARE
-from copose.planning.machinery import Setting
 from copose.poses import Array, Indices
 
 
@@ -26,7 +26,7 @@ class ClearanceRows:
     def __init__(
         self,
         bodies: Bodies,
-        settings: Sequence[Setting],
+        course: Course,
         near: Sequence[Sequence[Witness]],
         margin: float,
     ) -> None:
@@ -34,15 +34,12 @@ class ClearanceRows:
 
         Args:
             bodies: that are kept apart.
-            settings: at the knots, (n,).
+            course: at the knots.
             near: the witnesses at each.
             margin: what they keep beyond the clearance, m.
         """
-        self._bodies = bodies
-        arms = settings[0].cell.arms
-        still = [setting.configurations([np.zeros(arm.n) for arm in arms])[0]
-                 for setting in settings]  # fmt: skip
-        self._x, self._columns = np.array(still), joint_columns(arms)
+        self._bodies, self._course = bodies, course
+        arms = course.settings[0].cell.arms
         number = {carrier: i for i, carrier in enumerate(bodies.carriers)}
         joints = [(i, j) for i, arm in enumerate(arms) for j in range(arm.n)]
         self._frames = np.array([
@@ -104,9 +101,8 @@ class ClearanceRows:
         (2 r, N, 3).
         """
         if self._known is None or not np.array_equal(self._known[0], q):
-            x = self._x.copy()
-            x[:, self._columns] = q
-            where, knots = self._bodies.placed(x), np.tile(self.knots, 2)
+            where = self._bodies.placed(self._course.configurations(q))
+            knots = np.tile(self.knots, 2)
             R, o = where.rotations[knots, self._carriers], where.positions[knots, self._carriers]
             p = (R @ self._points[:, :, None])[:, :, 0] + o
             axes = (where.rotations[:, self._frames] @ self._axes[:, :, None])[:, :, :, 0]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from copose.collision import configurations, joint_columns
 from copose.paths.journey import Journey, Station
 from copose.planning.machinery import Machinery, Setting
-from copose.poses import Array
+from copose.poses import Array, Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +60,20 @@ class Course:
         return cls(
             phases, stations, tuple(settings), tuple(goals), tuple(velocities), tuple(accelerations)
         )
+
+    @cached_property
+    def _still(self) -> tuple[Array, Indices]:
+        """Where everything is with all joints at zero, (n, size), and which numbers they are."""
+        arms = self.settings[0].cell.arms
+        poses = [setting.cell.problem.object.pose for setting in self.settings]
+        x = configurations(arms, [arm.base for arm in arms], [None] * len(arms), poses)
+        return x, joint_columns(arms)
+
+    def configurations(self, q: Array) -> Array:
+        """Where everything is with joints at every instant, (n, N); (n, size)."""
+        x, columns = self._still[0].copy(), self._still[1]
+        x[:, columns] = q
+        return x
 
     def __len__(self) -> int:
         return len(self.phases)

@@ -19,8 +19,9 @@ from copose.paths.drive import Drive
 from copose.paths.knot_task import OVER, Form, KnotTask
 from copose.paths.motion_program import MotionProgram, Multipliers, Solved, Task
 from copose.paths.starting import started
+from copose.planning.clearance import of_two
 from copose.planning.limits_measures import LimitsMeasure
-from copose.planning.machinery import Machinery, Setting
+from copose.planning.machinery import MATTERS, Machinery, Setting
 from copose.poses import Array, Mask
 
 _EXCHANGES, _COLLISIONS = 6, 10
@@ -170,19 +171,23 @@ class Solver:
     ) -> Shaped:
         """With pairs of bodies that it has run into."""
         machinery, course = self._machinery, case.course
-        near = [machinery.near(s, here) for s, here in zip(course.settings, q, strict=True)]
+        near = [of_two(mine) for mine in self._witnesses(course, q, MATTERS)]
         for _ in range(_COLLISIONS):
             found = self._run(case, near, q, demands, beside)
             if machinery.bodies is None or not found.converged:
                 return found
-            hits = [
-                machinery.runs_into(setting, here, case.wanted.margin)
-                for setting, here in zip(course.settings, found.q, strict=True)
-            ]
+            hits = self._witnesses(course, found.q, case.wanted.margin)
             if not any(hits):
                 return found
-            near = [mine + hit for mine, hit in zip(near, hits, strict=True)]
+            near = [(*mine, *hit) for mine, hit in zip(near, hits, strict=True)]
         return replace(found, converged=False, status="Collision")
+
+    def _witnesses(self, course: Course, q: Array, beyond: float) -> list[list[Witness]]:
+        """Of bodies at every knot that are less than so much farther apart than they must be."""
+        bodies = self._machinery.bodies
+        if bodies is None:
+            return [[] for _ in course.settings]
+        return bodies.all_witnesses(course.configurations(q), bodies.clearance + beyond)
 
     def _run(
         self,
@@ -195,7 +200,7 @@ class Solver:
         machinery, course, wanted = self._machinery, case.course, case.wanted
         task, clearance = self.task(case.form), None
         if machinery.bodies is not None and any(near):
-            clearance = ClearanceRows(machinery.bodies, course.settings, near, wanted.margin)
+            clearance = ClearanceRows(machinery.bodies, course, near, wanted.margin)
         start = started(
             machinery, self._drive, task, course, q, wanted.duration, demands, case.slack
         )

@@ -53,7 +53,7 @@ _EXCHANGES, _WANDER, _NEARER, _NO_ROOM = 20, 6, 0.3, 1e-6
 _LOSS = 1e-9
 # Bodies that are less than this farther apart than they must be matter to a program, m, and where
 # there are none, others; and how often it is solved with those that it has run into.
-_MATTERS, _FARTHER, _COLLISIONS = 0.01, 0.1, 12
+MATTERS, _FARTHER, _COLLISIONS = 0.01, 0.1, 12
 # What comes within this of the best, relative, is followed along bodies that it touches for as long
 # as it gains so much: what it would gain next is of the order of the square.
 _NEAR_BEST, _GAIN = 3e-5, 1e-6
@@ -542,7 +542,7 @@ class Machinery:
 
     def near(self, setting: Setting, q: Array) -> tuple[Witness, ...]:
         """Bodies that matter to a program that starts at a posture, (N,), the nearest first."""
-        near = of_two(self._witnesses(setting, q, _MATTERS))
+        near = of_two(self._witnesses(setting, q, MATTERS))
         return near or of_two(self._witnesses(setting, q, _FARTHER, roughly=True))[:ROWS]
 
     def runs_into(self, setting: Setting, q: Array, margin: float = 0.0) -> tuple[Witness, ...]:
