@@ -147,8 +147,7 @@ class Lattice:
         """The least that the largest cost of a move on a route can be; ∞ where there is none."""
         B = np.where(np.isfinite(self.values[0]), 0.0, np.inf)
         for value, one, other in zip(self.values[1:], self.one, self.other, strict=True):
-            G = np.maximum(B[:, None, :], one.costs[:, :, None]).min(axis=0)
-            B = np.maximum(G[:, :, None], other.costs[None]).min(axis=1)
+            B = _least_before(_least_before(B, one).T, other).T
             B[~np.isfinite(value)] = np.inf
         return float(B.min(initial=np.inf))
 
@@ -279,6 +278,19 @@ def _best_before(worth: Array, moves: Moves) -> tuple[Array, Indices]:
         found[some] = np.where(better, steps, known)
         came[some] = np.where(better, rows[some, None], came[some])
     return found, came
+
+
+def _least_before(largest: Array, moves: Moves) -> Array:
+    """The least that the largest cost can be with which each posture can be come to, (count,
+    count').
+    """
+    heed()
+    found = np.full((moves.costs.shape[1], largest.shape[1]), np.inf)
+    for rows, cost in zip(*moves.arrivals, strict=True):
+        some = np.flatnonzero(np.isfinite(cost))
+        steps = np.maximum(largest[rows[some]], cost[some, None])
+        found[some] = np.minimum(found[some], steps)
+    return found
 
 
 def _widest_before(widest: Array, moves: Moves) -> Array:
