@@ -40,13 +40,13 @@ TIMES = 50  # in every interval
 SHORT = 1e-6  # m that bodies may be nearer than the clearance
 
 
-def carry(robot: str, seed: int, obstacles: int = 3) -> dict[str, Any]:
+def carry(robot: str, seed: int, obstacles: int = 3, far: float = 0.15) -> dict[str, Any]:
     """Two arms, and an object that goes straight from about where the shipped problem has it."""
     rng = np.random.default_rng([seed, len(robot), 7])
     tables = copy.deepcopy(
         dict(case({"panda": "two-panda-box", "xarm7": "xarm-bar"}[robot]).tables)
     )
-    middle, drawn = np.array(tables["object"]["position"]), rng.uniform(-0.15, 0.15, 3)
+    middle, drawn = np.array(tables["object"]["position"]), rng.uniform(-far, far, 3)
     turn = float(rng.uniform(-0.2, 0.2))
     tables["path"] = {
         "waypoints": [
@@ -99,8 +99,8 @@ def measured(wanted: int) -> tuple[list[str], list[float]]:
 def beside(seed: int) -> dict[str, Any]:
     """A carry of two Pandas with a box or a ball near the way of an elbow."""
     rng = np.random.default_rng([seed, 11])
-    tables = carry("panda", 1000 + seed, 0)
-    angle, away = rng.uniform(-np.pi, np.pi), rng.uniform(0.35, 0.5)
+    tables = carry("panda", 1000 + seed, 0, 0.08)
+    angle, away = rng.uniform(-np.pi, np.pi), rng.uniform(0.4, 0.6)
     place = np.array([0.5 + away * np.cos(angle), away * np.sin(angle), rng.uniform(0.4, 0.9)])
     shape = {"kind": "sphere", "radius": float(rng.uniform(0.05, 0.1))}
     if seed % 2:
