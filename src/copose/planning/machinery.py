@@ -545,11 +545,9 @@ class Machinery:
         near = of_two(self._witnesses(setting, q, MATTERS))
         return near or of_two(self._witnesses(setting, q, _FARTHER, roughly=True))[:ROWS]
 
-    def runs_into(self, setting: Setting, q: Array, margin: float = 0.0) -> tuple[Witness, ...]:
-        """Bodies that a program has let come too near at its end, (N,), where they are to keep so
-        much more than the clearance, m.
-        """
-        return self._witnesses(setting, q, margin)
+    def runs_into(self, setting: Setting, q: Array) -> tuple[Witness, ...]:
+        """Bodies that a program has let come too near at its end, (N,)."""
+        return self._witnesses(setting, q, 0.0)
 
     def _witnesses(
         self, setting: Setting, q: Array, beyond: float, *, roughly: bool = False
