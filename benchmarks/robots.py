@@ -23,7 +23,8 @@ from tables import table
 import copose
 from copose.errors import InputError
 from copose.robots.paths import EXAMPLES, resolve
-from copose.robots.urdf_tree import MOVABLE, read_tree
+from copose.robots.tree import MOVABLE
+from copose.robots.urdf_tree import read_tree
 
 HERE = Path(__file__).parent
 FOLDER = resolve(f"{EXAMPLES}panda_description/urdf/panda.urdf", HERE, {}).parents[2]

@@ -15,7 +15,7 @@ import pytest
 import copose
 from cells import PANDA, two_pandas
 from copose.cli import main
-from copose.collision.urdf_geometry import LinkShapes
+from copose.collision.link_shapes import LinkShapes
 from copose.robots import load_arms
 from copose.robots.paths import EXAMPLES, resolve
 from copose.robots.urdf_tree import read_tree

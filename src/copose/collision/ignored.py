@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import Any, TypeAlias
 
 from copose.errors import InputError, arm_key, shown
-from copose.problem import UrdfArm, read_text
-from copose.robots.urdf_tree import Tree
+from copose.problem import RobotArm, read_text
+from copose.robots.tree import Tree
 
 _MOST_BYTES = 5_000_000
 
@@ -28,7 +28,7 @@ def ignored_links(tree: Tree, arms: Mapping[int, Any]) -> tuple[set[Links], list
     found: set[Links] = set()
     notes: list[str] = []
     for i, arm in arms.items():
-        if not isinstance(arm, UrdfArm):
+        if not isinstance(arm, RobotArm):
             continue
         for pair in arm.ignore_collisions:
             unknown = next((link for link in pair if link not in tree.links), None)

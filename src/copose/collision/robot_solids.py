@@ -10,14 +10,14 @@ import numpy as np
 
 from copose.collision.carriers import Carrier
 from copose.collision.ignored import ignored_links
+from copose.collision.link_shapes import LinkShapes
 from copose.collision.solids import Solid
-from copose.collision.urdf_geometry import LinkShapes
 from copose.errors import InputError, arm_key, together
 from copose.poses import Array, Pose
-from copose.problem import Problem, UrdfArm
+from copose.problem import Problem, RobotArm
 from copose.robots import Arm
-from copose.robots.urdf import Robot, RobotsRead, joint_faults, read_robot
-from copose.robots.urdf_tree import Tree
+from copose.robots.robot import Robot, RobotsRead, joint_faults, read_robot
+from copose.robots.tree import Tree
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class _Member:
     origin: Pose
 
     @classmethod
-    def of(cls, number: int, spec: UrdfArm, arm: Arm, tree: Tree) -> _Member:
+    def of(cls, number: int, spec: RobotArm, arm: Arm, tree: Tree) -> _Member:
         names = arm.joint_names
         links = tree.placed(tree.standing(spec.locked, names).at, names)
         root = tree.root if spec.root is None else spec.root
@@ -147,7 +147,7 @@ def robot_solids(problem: Problem, arms: Sequence[Arm]) -> RobotSolids:
     shapes: dict[Robot, LinkShapes] = {}
     teams: list[_Team] = []
     for i, (spec, arm) in enumerate(zip(problem.arms, arms, strict=True)):
-        if not isinstance(spec, UrdfArm):
+        if not isinstance(spec, RobotArm):
             continue
         robot = read_robot(spec, folder, arm_key(i, arm.name), robots)
         if robot not in shapes:
@@ -186,7 +186,7 @@ def large_links(problem: Problem) -> tuple[str, ...]:
     folder = problem.source.parent if problem.source is not None else Path()
     robots: RobotsRead = {}
     for i, spec in enumerate(problem.arms):
-        if isinstance(spec, UrdfArm):
+        if isinstance(spec, RobotArm):
             read_robot(spec, folder, arm_key(i, spec.name), robots)
     shapes = (LinkShapes.of(robot, measured=True) for robot in robots.values())
     return tuple(dict.fromkeys(note for links in shapes for note in links.large))

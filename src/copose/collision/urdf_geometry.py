@@ -12,107 +12,56 @@ from typing import Any, Literal
 
 import numpy as np
 
+from copose.collision.geometry import Geometry, listed, only_visual
 from copose.collision.solids import Mesh, Part, Primitive, Shape
 from copose.errors import InputError, shown
 from copose.robots.paths import PACKAGE, MissingPackageError, resolve
-from copose.robots.urdf import Robot
+from copose.robots.robot import Robot
 from copose.robots.urdf_tree import numbers, placement
 
 _FILE = "file://"
-# Links that a note names one by one.
-_NAMED = 5
-
 _VISUAL = "tested by visual geometry, for no collision geometry can be read"
-# Lengths, m, beyond which a shape is no robot's: most often of a mesh in other units.
-_LARGE = 10.0
 
 
 class _UnreadableError(Exception):
     """Why an element gives no shape."""
 
 
-@dataclass(frozen=True, eq=False)
-class LinkShapes:
-    """The shapes of a URDF's links.
+def urdf_geometry(robot: Robot, *, measured: bool) -> Geometry:
+    """The collision elements of a URDF's links, or what can stand in for them.
 
-    Attributes:
-        parts: of the links that have any, placed in the link's frame.
-        faults: of the links whose shape cannot be read, why.
-        notes: what stands in for shapes.
-        missing: on packages that were not found, where was looked; among the notes too.
-        large: which are larger than any robot's.
+    Visual elements stand in where a link's collision elements cannot be read, and where the
+    URDF has no collision elements at all.
+
+    Args:
+        robot: the URDF, read.
+        measured: whether they are but measured, for which meshes are read in a third of the time.
     """
-
-    parts: dict[str, tuple[Part, ...]]
-    faults: dict[str, str]
-    notes: tuple[str, ...]
-    missing: tuple[str, ...]
-    large: tuple[str, ...]
-
-    @classmethod
-    def of(cls, robot: Robot, *, measured: bool = False) -> LinkShapes:
-        """The collision elements of a URDF's links, or what can stand in for them.
-
-        Visual elements stand in where a link's collision elements cannot be read, and where the
-        URDF has no collision elements at all.
-
-        Args:
-            robot: the URDF, read.
-            measured: whether they are but measured, for which meshes are read in a third of the
-                time.
-        """
-        tree = robot.tree
-        links = {name: link.element for name, link in tree.links.items()}
-        notes = []
-        tag: Literal["collision", "visual"] = "collision"
-        if all(link.find("collision") is None for link in links.values()):
-            tag = "visual"
-            if any(link.find("visual") is not None for link in links.values()):
-                notes.append(
-                    f"{tree.file.name} has no collision geometry; its visual geometry is tested"
-                )
-        reader = _Reader(tree.file, robot.packages, measured)
-        parts: dict[str, tuple[Part, ...]] = {}
-        faults: dict[str, str] = {}
-        instead: dict[str, str] = {}
-        for name, link in links.items():
-            parts[name], why = reader.read(link, tag)
-            if why and tag == "collision":
-                visual, unreadable = reader.read(link, "visual")
-                if visual and not unreadable:
-                    parts[name], instead[name], why = visual, why, ""
-            if why:
-                faults[name] = why
-        missing = tuple(sorted(reader.missing))
-        notes += missing
-        if instead:
-            notes.append(f"{tree.file.name}: links {_VISUAL}: {_listed(instead)}")
-        sizes = {name: _size(some) for name, some in parts.items()}
-        large = {name: f"{size:.3g} m" for name, size in sizes.items() if size > _LARGE}
-        too_large = f"{tree.file.name}: links larger than any robot's: {_listed(large)}"
-        return cls(
-            parts={name: some for name, some in parts.items() if some},
-            faults=faults,
-            notes=tuple(notes),
-            missing=missing,
-            large=(too_large,) if large else (),
-        )
-
-
-def _listed(links: dict[str, str]) -> str:
-    """Links and what is said of each, as many as a note names."""
-    named = ", ".join(f"{name} ({text})" for name, text in [*links.items()][:_NAMED])
-    return named + (f" and {len(links) - _NAMED} more" if len(links) > _NAMED else "")
-
-
-def _size(parts: tuple[Part, ...]) -> float:
-    """The longest side of the box round shapes in their link's frame, m."""
-    ends = []
-    for part in parts:
-        points, radius = part.shape.hull
-        placed = points @ part.placement.rotation.T + part.placement.position
-        ends += [placed.min(axis=0) - radius, placed.max(axis=0) + radius]
-    return float(np.ptp(ends, axis=0).max()) if ends else 0.0
+    tree = robot.tree
+    links = {name: link.element for name, link in tree.links.items() if link.element is not None}
+    notes = []
+    tag: Literal["collision", "visual"] = "collision"
+    if all(link.find("collision") is None for link in links.values()):
+        tag = "visual"
+        if any(link.find("visual") is not None for link in links.values()):
+            notes.append(only_visual(tree.file))
+    reader = _Reader(tree.file, robot.packages, measured)
+    parts: dict[str, tuple[Part, ...]] = {}
+    faults: dict[str, str] = {}
+    instead: dict[str, str] = {}
+    for name, link in links.items():
+        parts[name], why = reader.read(link, tag)
+        if why and tag == "collision":
+            visual, unreadable = reader.read(link, "visual")
+            if visual and not unreadable:
+                parts[name], instead[name], why = visual, why, ""
+        if why:
+            faults[name] = why
+    missing = tuple(sorted(reader.missing))
+    notes += missing
+    if instead:
+        notes.append(f"{tree.file.name}: links {_VISUAL}: {listed(instead)}")
+    return Geometry(parts, faults, notes, missing)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from copose.problem.aims import (
     PayloadObjective,
     TaskCompatibilityObjective,
 )
-from copose.problem.arms import ArmSpec, PlanarArm, UrdfArm
+from copose.problem.arms import ArmSpec, PlanarArm, RobotArm
 from copose.problem.cases import CaseSpec
 from copose.problem.objects import (
     CapsuleShape,
@@ -48,13 +48,13 @@ __all__ = [
     "PlanarProblem",
     "PlanarWaypoint",
     "Problem",
+    "RobotArm",
     "Shape",
     "Space",
     "SpaceName",
     "SpatialObject",
     "SpatialProblem",
     "TaskCompatibilityObjective",
-    "UrdfArm",
     "Waypoint",
     "aimed",
     "case_problems",

@@ -136,7 +136,7 @@ class ArmSpec(Spec):
         return self
 
 
-class UrdfArm(ArmSpec):
+class RobotArm(ArmSpec):
     """``[[arms]]`` with a URDF: the chain from ``root`` to ``tip``.
 
     ``packages`` says in which folders, relative to the problem file, the packages lie that

@@ -23,7 +23,7 @@ def made_schema() -> str:
     for model in _models(*kinds):
         if model.__name__ in definitions:
             _describe(definitions[model.__name__], model)
-    for name in ("UrdfArm", "PlanarArm"):
+    for name in ("RobotArm", "PlanarArm"):
         # A start teaches a grasp that is left out, and they together the object's position.
         definitions[name]["required"].remove("grasp")
         definitions[name]["anyOf"] = [{"required": ["grasp"]}, {"required": ["start"]}]

@@ -27,7 +27,7 @@ from copose.problem.aims import (
     VolumeObjective,
     WorldSpec,
 )
-from copose.problem.arms import ArmSpec, PlanarArm, UrdfArm
+from copose.problem.arms import ArmSpec, PlanarArm, RobotArm
 from copose.problem.cases import Case, CaseSpec, PlanarCase
 from copose.problem.objects import Obstacle, PlanarObject, PlanarObstacle, SpatialObject
 from copose.problem.path import PathSpec, PlanarPath, SpatialPath
@@ -111,7 +111,7 @@ class Problem(Spec):
     description: Text = ""
     task: Task
     object: SpatialObject | PlanarObject
-    arms: tuple[UrdfArm, ...] | tuple[PlanarArm, ...]
+    arms: tuple[RobotArm, ...] | tuple[PlanarArm, ...]
     ellipsoid: EllipsoidSpec = EllipsoidSpec()
     objective: ObjectiveSpec = VolumeObjective()
     world: WorldSpec | PlanarWorldSpec = WorldSpec()
@@ -311,7 +311,7 @@ class SpatialProblem(Problem):
 
     object: SpatialObject
     world: WorldSpec = WorldSpec()
-    arms: Annotated[tuple[UrdfArm, ...], Field(min_length=1, max_length=_MOST_ARMS)]
+    arms: Annotated[tuple[RobotArm, ...], Field(min_length=1, max_length=_MOST_ARMS)]
     obstacles: Annotated[tuple[Obstacle, ...], Field(max_length=_MOST_OBSTACLES)] = ()
     cases: Annotated[tuple[Case, ...], Field(max_length=_MOST_CASES)] = ()
     path: SpatialPath | None = None

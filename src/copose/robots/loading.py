@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from copose.errors import InputError, arm_key
-from copose.problem import PlanarArm, Problem, UrdfArm
+from copose.problem import PlanarArm, Problem, RobotArm
 from copose.robots.arm import Arm
 from copose.robots.planar import planar_arm
-from copose.robots.urdf import RobotOnBase, RobotsRead, read_robot, urdf_arm
+from copose.robots.robot import RobotOnBase, RobotsRead, read_robot, robot_arm
 
 
 def load_arms(problem: Problem) -> tuple[Arm, ...]:
@@ -35,10 +35,10 @@ def _load(problem: Problem) -> tuple[Arm, ...]:
     read: RobotsRead = {}
     arms: list[Arm] = []
     robots: list[RobotOnBase] = []
-    for i, spec in enumerate(spec for spec in problem.arms if isinstance(spec, UrdfArm)):
+    for i, spec in enumerate(spec for spec in problem.arms if isinstance(spec, RobotArm)):
         key = arm_key(i, spec.name)
         robot = read_robot(spec, folder, key, read)
-        arm, whole = urdf_arm(spec, robot, key, weighed=not problem.kinematic)
+        arm, whole = robot_arm(spec, robot, key, weighed=not problem.kinematic)
         for other, its_whole in zip(arms, robots, strict=True):
             clash = whole.clash(its_whole)
             if clash is not None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -13,7 +11,7 @@ import numpy as np
 
 from copose.poses import Array, frozen_array
 from copose.robots.arm import Joint, Oddity
-from copose.robots.urdf_tree import Tree, numbers, placement
+from copose.robots.tree import Tree
 
 # Part by which the largest principal moment may exceed the sum of the other two: files round.
 _TRIANGLE_SLACK = 0.01
@@ -119,8 +117,10 @@ def _inertials(tree: Tree, links: Sequence[str]) -> list[_Inertial]:
         body = tree.links[link].body
         if body is not None and body.mass > 0:
             back = float(np.linalg.norm(tree.joints[link].origin.position))
-            size, bounded = _extent(tree.links[link].element, [*ends[link], body.com])
+            known = np.vstack([*ends[link], body.com, tree.links[link].outline])
+            size = float(np.linalg.norm(np.ptp(known, axis=0)))
             moments = frozen_array(np.linalg.eigvalsh(body.inertia))
+            bounded = tree.links[link].bounded
             inertials.append(_Inertial(link, body.mass, moments, max(size, back), bounded))
     return inertials
 
@@ -171,41 +171,3 @@ def _first(texts: Sequence[str]) -> str:
 
 def _listed(values: Array) -> str:
     return ", ".join(f"{value:.3g}" for value in values)
-
-
-def _extent(link: ET.Element, points: list[Array]) -> tuple[float, bool]:
-    """Diagonal, m, of the box round some points and shapes of a link, and whether none is a mesh.
-
-    Args:
-        link: the link's element.
-        points: in its frame, (3,) each.
-    """
-    known, unknown = [*points], False
-    shapes = [element for tag in ("collision", "visual") for element in link.findall(tag)]
-    for element in shapes:
-        shape = element.find("geometry/*")
-        try:
-            if shape is None or shape.tag == "mesh":
-                raise ValueError
-            pose = placement(element)
-            known += list(_corners(shape) @ pose.rotation.T + pose.position)
-        except ValueError:
-            unknown = True
-    return float(np.linalg.norm(np.ptp(known, axis=0))), bool(shapes) and not unknown
-
-
-def _corners(shape: ET.Element) -> Array:
-    """Corners of the box round a shape in its own frame, (8, 3).
-
-    Raises:
-        ValueError: it cannot be read.
-    """
-    if shape.tag == "box":
-        half = np.array(numbers(shape, "size", 3)) / 2
-    else:
-        (radius,) = numbers(shape, "radius", 1)
-        half = np.full(3, radius)
-        if shape.tag != "sphere":
-            (length,) = numbers(shape, "length", 1)
-            half[2] = length / 2 + (radius if shape.tag == "capsule" else 0.0)
-    return np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half

@@ -1,4 +1,4 @@
-"""A URDF's tree of links and joints in plain numbers, with what is wrong of each by name."""
+"""A URDF as a tree of links and joints, with what is wrong of each by name."""
 
 from __future__ import annotations
 
@@ -6,21 +6,19 @@ import contextlib
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from xml.parsers import expat
 
 import numpy as np
 
-from copose.errors import InputError, nearest, shown, together
+from copose.errors import InputError, shown, together
 from copose.poses import Array, Pose, frozen_array
 from copose.problem import read_bytes
-from copose.robots.arm import Body, motion
-from copose.robots.xacro_file import XACRO, expanded
+from copose.robots.arm import Body
+from copose.robots.tree import Mimic, Tree, TreeJoint, TreeLink, box_corners
+from copose.robots.xacro_file import XACRO, expanded, unexpanded
 
-MOVABLE = ("revolute", "continuous", "prismatic")
 _MOST_BYTES = 50_000_000
 _MOST_JOINTS = 2_000
 # Lengths, masses and inertias beyond this are no robot's, and their products overflow.
@@ -39,216 +37,6 @@ _MARKS = (
 _DECLARED = re.compile(rb"\s*<\?xml[^>]*?\sencoding\s*=\s*[\"']([A-Za-z][\w.-]*)[\"']")
 # What no robot is read from: hand-written comments often hold '--', which XML does not allow.
 _ASIDE = re.compile(r"<\?xml\s.*?\?>|<!--.*?-->", re.DOTALL)
-
-
-@dataclass(frozen=True)
-class Mimic:
-    """What a joint follows: it stands at multiplier · leader + offset."""
-
-    leader: str
-    multiplier: float
-    offset: float
-
-
-@dataclass(frozen=True, eq=False)
-class TreeJoint:
-    """A joint of the tree as it is written.
-
-    Attributes:
-        name: its own.
-        kind: the ``type``; empty where there is none.
-        parent: name of the link that it hangs on.
-        child: name of the link that it moves.
-        origin: T_parent_child at position 0.
-        axis: unit axis in the child's frame.
-        lower: lowest position, 0 where ``<limit>`` leaves it out; ``upper`` alike.
-        effort: as written; None where there is no number.
-        velocity: alike.
-        mimic: what it follows, if anything.
-        faults: what cannot be read, by the part that it spoils: ``origin``, ``axis``, ``limit``,
-            ``effort``, ``velocity``, ``mimic``. The part itself is then a stand-in.
-    """
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    origin: Pose
-    axis: Array
-    lower: float
-    upper: float
-    effort: float | None
-    velocity: float | None
-    mimic: Mimic | None
-    faults: Mapping[str, str]
-
-    def at(self, position: float) -> Pose:
-        """T_parent_child at a position, rad or m."""
-        if position == 0:
-            return self.origin
-        return self.origin @ motion(self.kind, self.axis, position)
-
-
-@dataclass(frozen=True, eq=False)
-class TreeLink:
-    """A link of the tree as it is written.
-
-    Attributes:
-        element: its XML.
-        body: its inertial in the link's frame; None where there is none that can be read.
-        fault: why an inertial cannot be read, else empty.
-    """
-
-    element: ET.Element
-    body: Body | None
-    fault: str
-
-
-@dataclass(frozen=True, eq=False)
-class Standing:
-    """Where joints stand that are not free.
-
-    Attributes:
-        at: by joint, its own position, what it mimics, or 0, as which free joints count; rad or m.
-        faults: by follower, why its position is not known.
-        moved: by follower, the free joint that it moves with.
-    """
-
-    at: Mapping[str, float]
-    faults: Mapping[str, str]
-    moved: Mapping[str, str]
-
-
-@dataclass(frozen=True, eq=False)
-class Tree:
-    """Links and joints of a URDF.
-
-    Attributes:
-        file: where it was read.
-        name: the robot's.
-        links: by name, in file order.
-        joints: by the name of their child link, in file order.
-        root: the link that no joint moves.
-        order: the joints, each behind the one that it hangs on.
-        arguments: of the .xacro that the file is.
-        foreign: what xacro left in the file, such as ``xacro:property``.
-    """
-
-    file: Path
-    name: str
-    links: Mapping[str, TreeLink]
-    joints: Mapping[str, TreeJoint]
-    root: str
-    order: tuple[TreeJoint, ...]
-    foreign: tuple[str, ...]
-    arguments: tuple[tuple[str, str], ...] = ()
-
-    @property
-    def source(self) -> object:
-        """Equal for trees of one file, by one set of arguments."""
-        return self.file, self.arguments
-
-    @cached_property
-    def movable(self) -> dict[str, TreeJoint]:
-        """Joints of one degree of freedom, by name."""
-        return {j.name: j for j in self.joints.values() if j.kind in MOVABLE}
-
-    def ancestors(self, link: str) -> list[TreeJoint]:
-        """The joints between the URDF's root link and a link, nearest the link first."""
-        path = []
-        while link in self.joints:
-            path.append(self.joints[link])
-            link = self.joints[link].parent
-        return path
-
-    def chain(self, root: str, tip: str) -> list[TreeJoint]:
-        """The joints from root to tip.
-
-        Raises:
-            InputError: unknown links, or a root that is not above the tip; key says which.
-        """
-        for key, link in (("tip", tip), ("root", root)):
-            if link not in self.links:
-                raise self.fault(
-                    f"{link!r} is no link of {self.file.name}{nearest(link, self.links)}", key
-                )
-        above = self.ancestors(tip)
-        parents = [joint.parent for joint in above]
-        if root == tip:
-            return []
-        if root not in parents:
-            raise self.fault(
-                f"{root!r} is not above the tip {tip!r}; above it are {', '.join(parents)}", "root"
-            )
-        return above[parents.index(root) :: -1]
-
-    def standing(self, locked: Mapping[str, float], free: Collection[str] = ()) -> Standing:
-        """Where movable joints stand that are not free.
-
-        Args:
-            locked: positions of their own by joint.
-            free: names of the joints that move.
-        """
-        at = dict.fromkeys(free, 0.0) | dict(locked)
-        faults: dict[str, str] = {}
-        moved: dict[str, str] = {}
-        for name in self.movable:
-            trail: list[str] = []
-            while name not in at and name in self.movable:
-                if name in trail:
-                    ring = trail[trail.index(name) :]
-                    text = f"joints {', '.join(map(repr, ring))} mimic each other"
-                    text = f"joint {name!r} mimics itself" if len(ring) == 1 else text
-                    faults |= dict.fromkeys(ring, text)
-                    at |= dict.fromkeys(ring, 0.0)
-                    break
-                trail.append(name)
-                mimic = self.movable[name].mimic
-                if mimic is None:
-                    at[name] = 0.0
-                else:
-                    name = mimic.leader
-            for follower in reversed([name for name in trail if name not in at]):
-                joint = self.movable[follower]
-                assert joint.mimic is not None
-                leader = joint.mimic.leader
-                at[follower] = joint.mimic.multiplier * at.get(leader, 0.0) + joint.mimic.offset
-                if leader in free or leader in moved:
-                    moved[follower] = moved.get(leader, leader)
-                if leader in faults or "mimic" in joint.faults:
-                    faults[follower] = joint.faults.get("mimic") or faults[leader]
-                elif leader not in self.movable:
-                    faults[follower] = (
-                        f"joint {follower!r} mimics {leader!r}, which is no movable joint of "
-                        f"{self.file.name}{nearest(leader, self.movable)}; or lock {follower!r}"
-                    )
-        return Standing(at, faults, moved)
-
-    def placed(
-        self, positions: Mapping[str, float], free: Collection[str] = ()
-    ) -> dict[str, tuple[str | None, Pose]]:
-        """By link, the free joint that moves it, and its pose in that joint's frame.
-
-        Args:
-            positions: of the movable joints, see `Standing`; all others are at rest.
-            free: names of the joints that move.
-
-        Returns:
-            The frame of a free joint is its child link's; links that none moves have None, and
-            their pose in the root link's frame with all free joints at 0.
-        """
-        at: dict[str, tuple[str | None, Pose]] = {self.root: (None, Pose.from_rpy())}
-        for joint in self.order:
-            carrier, pose = at[joint.parent]
-            if joint.name in free:
-                at[joint.child] = joint.name, Pose.from_rpy()
-            else:
-                at[joint.child] = carrier, pose @ joint.at(positions.get(joint.name, 0.0))
-        return at
-
-    def fault(self, text: str, key: str) -> InputError:
-        """What is wrong with a robot, and that xacro left something in its file, if it did."""
-        return InputError(f"{text}; {_xacro(self.file)}" if self.foreign else text, key=key)
 
 
 def read_tree(
@@ -279,13 +67,13 @@ def read_tree(
     faults = _structural_faults(links, joints)
     if faults:
         if foreign:
-            raise InputError(_xacro(file))
+            raise InputError(unexpanded(file))
         raise InputError(f"{file.name} is broken: {together(faults)}")
     by_child = {joint.child: joint for joint in map(_joint, joints)}
     roots = [name for name in map(_name, links) if name not in by_child]
     if len(roots) != 1:
         if foreign:
-            raise InputError(_xacro(file))
+            raise InputError(unexpanded(file))
         named = f": {', '.join(roots)}" if roots else ""
         raise InputError(f"{file.name} is no tree of links: it has {len(roots)} root links{named}")
     hanging: dict[str, list[TreeJoint]] = {}
@@ -426,30 +214,60 @@ def _end(joint: ET.Element, tag: str) -> str:
     return end.get("link", "") if end is not None else ""
 
 
-def _xacro(file: Path) -> str:
-    return (
-        f"{file.name} is xacro, not URDF; run: xacro {file.name} > "
-        f"{file.name.split('.')[0]}_expanded.urdf, and name that"
-    )
-
-
 def _link(element: ET.Element) -> TreeLink:
-    inertial = element.find("inertial")
-    if inertial is None:
-        return TreeLink(element, None, "")
+    body, fault = None, ""
     try:
-        (mass,) = numbers(_part(inertial, "mass"), "value", 1)
-        moments = _part(inertial, "inertia")
-        xx, xy, xz, yy, yz, zz = (
-            numbers(moments, key, 1)[0] for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        )
-        if mass < 0:
-            raise ValueError(f"its mass is {mass:g}, below zero")
-        inertia = frozen_array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        body = Body(mass, frozen_array(np.zeros(3)), inertia).placed(placement(inertial))
+        body = _body(element)
     except ValueError as error:
-        return TreeLink(element, None, f"link {_name(element)!r}: {error}")
-    return TreeLink(element, body, "")
+        fault = f"link {_name(element)!r}: {error}"
+    return TreeLink(body, fault, *_outline(element), element)
+
+
+def _body(link: ET.Element) -> Body | None:
+    inertial = link.find("inertial")
+    if inertial is None:
+        return None
+    (mass,) = numbers(_part(inertial, "mass"), "value", 1)
+    moments = _part(inertial, "inertia")
+    xx, xy, xz, yy, yz, zz = (
+        numbers(moments, key, 1)[0] for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    if mass < 0:
+        raise ValueError(f"its mass is {mass:g}, below zero")
+    inertia = frozen_array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return Body(mass, frozen_array(np.zeros(3)), inertia).placed(placement(inertial))
+
+
+def _outline(link: ET.Element) -> tuple[Array, bool]:
+    """See `TreeLink`."""
+    known, unknown = [np.zeros((0, 3))], False
+    shapes = [element for tag in ("collision", "visual") for element in link.findall(tag)]
+    for element in shapes:
+        shape = element.find("geometry/*")
+        try:
+            if shape is None or shape.tag == "mesh":
+                raise ValueError
+            pose = placement(element)
+            known.append(_corners(shape) @ pose.rotation.T + pose.position)
+        except ValueError:
+            unknown = True
+    return np.vstack(known), bool(shapes) and not unknown
+
+
+def _corners(shape: ET.Element) -> Array:
+    """Corners of the box round a shape in its own frame, (8, 3).
+
+    Raises:
+        ValueError: it cannot be read.
+    """
+    if shape.tag == "box":
+        return box_corners(np.array(numbers(shape, "size", 3)) / 2)
+    (radius,) = numbers(shape, "radius", 1)
+    half = np.full(3, radius)
+    if shape.tag != "sphere":
+        (length,) = numbers(shape, "length", 1)
+        half[2] = length / 2 + (radius if shape.tag == "capsule" else 0.0)
+    return box_corners(half)
 
 
 def _part(element: ET.Element, tag: str) -> ET.Element:

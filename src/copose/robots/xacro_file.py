@@ -52,6 +52,14 @@ def expanded(file: Path, arguments: Mapping[str, str], packages: Mapping[str, Pa
             raise InputError(f"{file.name}: xacro says: {str(error) or repr(error)}") from None
 
 
+def unexpanded(file: Path) -> str:
+    """That a file should be run by xacro, and how."""
+    return (
+        f"{file.name} is xacro, not URDF; run: xacro {file.name} > "
+        f"{file.name.split('.')[0]}_expanded.urdf, and name that"
+    )
+
+
 @contextlib.contextmanager
 def _finding(file: Path, packages: Mapping[str, Path]) -> Iterator[None]:
     """Xacro with a ``find`` that needs no ROS."""

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from copose.collision.urdf_geometry import LinkShapes
+from copose.collision.link_shapes import LinkShapes
 from copose.errors import InputError, nearest
 from copose.kernels import one_at_a_time
 from copose.loader import parse

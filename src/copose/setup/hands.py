@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from copose.collision.urdf_geometry import LinkShapes
+from copose.collision.link_shapes import LinkShapes
 from copose.poses import Array, Pose
 from copose.robots import Arm
-from copose.robots.urdf import Robot
+from copose.robots.robot import Robot
 
 # What no hand reaches beyond its frame, m, and what is no way, m.
 _LONGEST, _NO_WAY = 0.25, 0.01

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from copose.errors import InputError, nearest
 from copose.robots.paths import resolve
-from copose.robots.urdf import Robot
+from copose.robots.robot import Robot
 from copose.robots.urdf_tree import read_tree
 from copose.setup.chains import Chain, chain_to, find_chains
 from copose.setup.srdf import srdf_tips

@@ -14,7 +14,7 @@ import numpy as np
 
 from copose.errors import InputError, nearest, shown, together
 from copose.poses import Pose, frozen_array
-from copose.problem import UrdfArm
+from copose.problem import RobotArm
 from copose.robots.arm import (
     Arm,
     Body,
@@ -27,7 +27,8 @@ from copose.robots.arm import (
 )
 from copose.robots.paths import resolve
 from copose.robots.plausibility import inertia_oddities, limit_oddities, negative_inertias
-from copose.robots.urdf_tree import MOVABLE, Standing, Tree, TreeJoint, read_tree
+from copose.robots.tree import MOVABLE, Standing, Tree, TreeJoint
+from copose.robots.urdf_tree import read_tree
 from copose.robots.xacro_file import XACRO
 
 # As many as a planar arm may have links; what an arm costs grows with the square of it.
@@ -100,7 +101,7 @@ class RobotOnBase:
         return None
 
 
-def read_robot(spec: UrdfArm, folder: Path, key: str, read: RobotsRead) -> Robot:
+def read_robot(spec: RobotArm, folder: Path, key: str, read: RobotsRead) -> Robot:
     """The robot of a ``urdf = …`` entry, read once per file and folders of packages.
 
     Args:
@@ -134,7 +135,7 @@ def read_robot(spec: UrdfArm, folder: Path, key: str, read: RobotsRead) -> Robot
         raise InputError(text, key=f"{key}.urdf") from None
 
 
-def urdf_arm(spec: UrdfArm, robot: Robot, key: str, *, weighed: bool) -> tuple[Arm, RobotOnBase]:
+def robot_arm(spec: RobotArm, robot: Robot, key: str, *, weighed: bool) -> tuple[Arm, RobotOnBase]:
     """The chain root → tip of a URDF with every other joint locked.
 
     Args:
@@ -256,12 +257,12 @@ def _xacro_text(value: str | bool | int | float) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _is_held(joint: TreeJoint, spec: UrdfArm) -> bool:
+def _is_held(joint: TreeJoint, spec: RobotArm) -> bool:
     """Whether a joint of the chain stands still, or must, because it follows another."""
     return joint.name in spec.locked or (joint.kind in MOVABLE and joint.mimic is not None)
 
 
-def _check_locked(spec: UrdfArm, tree: Tree, key: str) -> None:
+def _check_locked(spec: RobotArm, tree: Tree, key: str) -> None:
     for name in spec.locked:
         if name not in tree.movable:
             raise InputError(
@@ -292,7 +293,7 @@ def joint_faults(
 
 
 def _weightless(
-    tree: Tree, carried: Sequence[TreeJoint], free: Sequence[TreeJoint], spec: UrdfArm
+    tree: Tree, carried: Sequence[TreeJoint], free: Sequence[TreeJoint], spec: RobotArm
 ) -> list[str]:
     """Why the inertia of what an arm moves is not known."""
     links = [tree.links[joint.child] for joint in carried]
@@ -331,7 +332,7 @@ def _positive(
     return doubts.positive(what, joint.name, getattr(joint, what), joint.faults.get(what, ""))
 
 
-def _limits(joint: TreeJoint, i: int, spec: UrdfArm, doubts: Doubts) -> tuple[float, float, str]:
+def _limits(joint: TreeJoint, i: int, spec: RobotArm, doubts: Doubts) -> tuple[float, float, str]:
     """Lower and upper limit of a free joint, and why they cannot be used, if they cannot."""
     if spec.position_limits is not None:
         given = spec.position_limits[i]

@@ -1,0 +1,239 @@
+"""A robot's tree of links and joints in plain numbers, with what is wrong of each by name."""
+
+from __future__ import annotations
+
+import itertools
+import xml.etree.ElementTree as ET
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from copose.errors import InputError, nearest
+from copose.poses import Array, Pose
+from copose.robots.arm import Body, motion
+from copose.robots.xacro_file import unexpanded
+
+# Kinds of joints of one degree of freedom.
+MOVABLE = ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """What a joint follows: it stands at multiplier · leader + offset."""
+
+    leader: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True, eq=False)
+class TreeJoint:
+    """A joint of the tree as it is written.
+
+    Attributes:
+        name: its own.
+        kind: the ``type``; empty where there is none.
+        parent: name of the link that it hangs on.
+        child: name of the link that it moves.
+        origin: T_parent_child at position 0.
+        axis: unit axis in the child's frame.
+        lower: lowest position, 0 where ``<limit>`` leaves it out; ``upper`` alike.
+        effort: as written; None where there is no number.
+        velocity: alike.
+        mimic: what it follows, if anything.
+        faults: what cannot be read, by the part that it spoils: ``origin``, ``axis``, ``limit``,
+            ``effort``, ``velocity``, ``mimic``. The part itself is then a stand-in.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: Pose
+    axis: Array
+    lower: float
+    upper: float
+    effort: float | None
+    velocity: float | None
+    mimic: Mimic | None
+    faults: Mapping[str, str]
+
+    def at(self, position: float) -> Pose:
+        """T_parent_child at a position, rad or m."""
+        if position == 0:
+            return self.origin
+        return self.origin @ motion(self.kind, self.axis, position)
+
+
+@dataclass(frozen=True, eq=False)
+class TreeLink:
+    """A link of the tree as it is written.
+
+    Attributes:
+        body: its inertial in the link's frame; None where there is none that can be read.
+        fault: why an inertial cannot be read, else empty.
+        outline: corners, in its frame, of the boxes round its shapes, meshes left out, (k, 3).
+        bounded: whether that is all of it: it has shapes, and none is a mesh.
+        element: its XML in a URDF.
+    """
+
+    body: Body | None
+    fault: str
+    outline: Array
+    bounded: bool
+    element: ET.Element | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """Where joints stand that are not free.
+
+    Attributes:
+        at: by joint, its own position, what it mimics, or 0, as which free joints count; rad or m.
+        faults: by follower, why its position is not known.
+        moved: by follower, the free joint that it moves with.
+    """
+
+    at: Mapping[str, float]
+    faults: Mapping[str, str]
+    moved: Mapping[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """Links and joints of a URDF.
+
+    Attributes:
+        file: where it was read.
+        name: the robot's.
+        links: by name, in file order.
+        joints: by the name of their child link, in file order.
+        root: the link that no joint moves.
+        order: the joints, each behind the one that it hangs on.
+        arguments: of the .xacro that the file is.
+        foreign: what xacro left in the file, such as ``xacro:property``.
+    """
+
+    file: Path
+    name: str
+    links: Mapping[str, TreeLink]
+    joints: Mapping[str, TreeJoint]
+    root: str
+    order: tuple[TreeJoint, ...]
+    foreign: tuple[str, ...]
+    arguments: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def source(self) -> object:
+        """Equal for trees of one file, by one set of arguments."""
+        return self.file, self.arguments
+
+    @cached_property
+    def movable(self) -> dict[str, TreeJoint]:
+        """Joints of one degree of freedom, by name."""
+        return {j.name: j for j in self.joints.values() if j.kind in MOVABLE}
+
+    def ancestors(self, link: str) -> list[TreeJoint]:
+        """The joints between the URDF's root link and a link, nearest the link first."""
+        path = []
+        while link in self.joints:
+            path.append(self.joints[link])
+            link = self.joints[link].parent
+        return path
+
+    def chain(self, root: str, tip: str) -> list[TreeJoint]:
+        """The joints from root to tip.
+
+        Raises:
+            InputError: unknown links, or a root that is not above the tip; key says which.
+        """
+        for key, link in (("tip", tip), ("root", root)):
+            if link not in self.links:
+                raise self.fault(
+                    f"{link!r} is no link of {self.file.name}{nearest(link, self.links)}", key
+                )
+        above = self.ancestors(tip)
+        parents = [joint.parent for joint in above]
+        if root == tip:
+            return []
+        if root not in parents:
+            raise self.fault(
+                f"{root!r} is not above the tip {tip!r}; above it are {', '.join(parents)}", "root"
+            )
+        return above[parents.index(root) :: -1]
+
+    def standing(self, locked: Mapping[str, float], free: Collection[str] = ()) -> Standing:
+        """Where movable joints stand that are not free.
+
+        Args:
+            locked: positions of their own by joint.
+            free: names of the joints that move.
+        """
+        at = dict.fromkeys(free, 0.0) | dict(locked)
+        faults: dict[str, str] = {}
+        moved: dict[str, str] = {}
+        for name in self.movable:
+            trail: list[str] = []
+            while name not in at and name in self.movable:
+                if name in trail:
+                    ring = trail[trail.index(name) :]
+                    text = f"joints {', '.join(map(repr, ring))} mimic each other"
+                    text = f"joint {name!r} mimics itself" if len(ring) == 1 else text
+                    faults |= dict.fromkeys(ring, text)
+                    at |= dict.fromkeys(ring, 0.0)
+                    break
+                trail.append(name)
+                mimic = self.movable[name].mimic
+                if mimic is None:
+                    at[name] = 0.0
+                else:
+                    name = mimic.leader
+            for follower in reversed([name for name in trail if name not in at]):
+                joint = self.movable[follower]
+                assert joint.mimic is not None
+                leader = joint.mimic.leader
+                at[follower] = joint.mimic.multiplier * at.get(leader, 0.0) + joint.mimic.offset
+                if leader in free or leader in moved:
+                    moved[follower] = moved.get(leader, leader)
+                if leader in faults or "mimic" in joint.faults:
+                    faults[follower] = joint.faults.get("mimic") or faults[leader]
+                elif leader not in self.movable:
+                    faults[follower] = (
+                        f"joint {follower!r} mimics {leader!r}, which is no movable joint of "
+                        f"{self.file.name}{nearest(leader, self.movable)}; or lock {follower!r}"
+                    )
+        return Standing(at, faults, moved)
+
+    def placed(
+        self, positions: Mapping[str, float], free: Collection[str] = ()
+    ) -> dict[str, tuple[str | None, Pose]]:
+        """By link, the free joint that moves it, and its pose in that joint's frame.
+
+        Args:
+            positions: of the movable joints, see `Standing`; all others are at rest.
+            free: names of the joints that move.
+
+        Returns:
+            The frame of a free joint is its child link's; links that none moves have None, and
+            their pose in the root link's frame with all free joints at 0.
+        """
+        at: dict[str, tuple[str | None, Pose]] = {self.root: (None, Pose.from_rpy())}
+        for joint in self.order:
+            carrier, pose = at[joint.parent]
+            if joint.name in free:
+                at[joint.child] = joint.name, Pose.from_rpy()
+            else:
+                at[joint.child] = carrier, pose @ joint.at(positions.get(joint.name, 0.0))
+        return at
+
+    def fault(self, text: str, key: str) -> InputError:
+        """What is wrong with a robot, and that xacro left something in its file, if it did."""
+        return InputError(f"{text}; {unexpanded(self.file)}" if self.foreign else text, key=key)
+
+
+def box_corners(half: Array) -> Array:
+    """Corners of a box by half its edges, m, (8, 3)."""
+    return np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
