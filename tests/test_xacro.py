@@ -153,14 +153,14 @@ def test_robot_descriptions(tmp_path: Path, monkeypatch) -> None:
     path = tmp_path / "arm_parts/urdf/arm.xacro"
     (stand_in / "stand_in_description.py").write_text(f"XACRO_PATH = {str(path)!r}\n")
     (stand_in / "far_description.py").write_text("raise OSError('no network\\nat all')\n")
-    (stand_in / "bare_description.py").write_text("MJCF_PATH = 'x.xml'\n")
+    (stand_in / "bare_description.py").write_text("")
     monkeypatch.syspath_prepend(str(tmp_path / "site"))
     try:
         assert load_arms(parse(wanted))[0].n == 3
         for name, expected in [
             ("stand_in_descriptio", "did you mean 'stand_in_description'?"),
             ("far_description", "robot_descriptions cannot fetch far_description: no network at"),
-            ("bare_description", "robot_descriptions has no URDF of bare_description"),
+            ("bare_description", "robot_descriptions has no file of bare_description"),
             ("../x", "robot_descriptions has no '../x'"),
         ]:
             assert expected in told(cell(urdf=f"robot_descriptions://{name}"), tmp_path)

@@ -153,7 +153,8 @@ def _add_init(commands: object) -> None:
     )
     init.add_argument(
         "robots", nargs="+", metavar="ROBOT",
-        help="a URDF with several arms, or several: a path, package://… or example-robot-data://…",
+        help="a URDF or MuJoCo model with several arms, or several: a path, package://… or "
+        "example-robot-data://…",
     )  # fmt: skip
     init.add_argument(
         "-o", "--output", type=Path, metavar="FILE.toml",

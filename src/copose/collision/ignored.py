@@ -1,4 +1,4 @@
-"""Pairs of links that are not tested: those of the problem, and those an SRDF disables."""
+"""Pairs of links that are not tested: by the problem, by an SRDF, or by a MuJoCo model."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from typing import Any, TypeAlias
 
+from copose.collision.mjcf_geometry import kept_apart
 from copose.errors import InputError, arm_key, shown
 from copose.problem import RobotArm, read_text
 from copose.robots.tree import Tree
@@ -42,6 +43,12 @@ def ignored_links(tree: Tree, arms: Mapping[int, Any]) -> tuple[set[Links], list
             notes.append(
                 f"{_counted(len(arm.ignore_collisions))} by ignore_collisions of arm {arm.name!r}"
             )
+    if tree.model:
+        whys = "<exclude>", "contype and conaffinity"
+        for pairs, why in zip(kept_apart(tree), whys, strict=True):
+            if pairs:
+                found |= pairs
+                notes.append(f"{_counted(len(pairs))} by {why} of {tree.file.name}")
     file = tree.file.with_suffix(".srdf")
     if file.is_file():
         try:

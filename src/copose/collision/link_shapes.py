@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from copose.collision.geometry import listed
+from copose.collision.mjcf_geometry import mjcf_geometry
 from copose.collision.solids import Part
 from copose.collision.urdf_geometry import urdf_geometry
 from copose.robots.robot import Robot
@@ -42,10 +43,11 @@ class LinkShapes:
             measured: whether they are but measured, for which meshes are read in a third of the
                 time.
         """
-        found = urdf_geometry(robot, measured=measured)
+        tree = robot.tree
+        found = mjcf_geometry(tree) if tree.model else urdf_geometry(robot, measured=measured)
         sizes = {name: _size(some) for name, some in found.parts.items()}
         large = {name: f"{size:.3g} m" for name, size in sizes.items() if size > _LARGE}
-        too_large = f"{robot.tree.file.name}: links larger than any robot's: {listed(large)}"
+        too_large = f"{tree.file.name}: links larger than any robot's: {listed(large)}"
         return cls(
             parts={name: some for name, some in found.parts.items() if some},
             faults=found.faults,

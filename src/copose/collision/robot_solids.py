@@ -1,4 +1,4 @@
-"""The links of URDF arms as solids: which moves with which joint, and which stand still."""
+"""The links of robots' arms as solids: which moves with which joint, and which stand still."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from copose.robots.tree import Tree
 
 @dataclass(frozen=True, eq=False)
 class RobotSolids:
-    """The solids of all URDF arms.
+    """The solids of all robots' arms.
 
     Attributes:
         solids: links that have a shape; robot by robot the static ones, then those of its arms.
         mounts: (arm, name) of the static solids that an arm's first joint hangs on.
-        ignored: names of two solids that a problem or an SRDF has no one test.
+        ignored: names of two solids that nothing tests.
         notes: which shapes could not be read, and what else is doubtful.
     """
 
@@ -44,6 +44,7 @@ class _Member:
     Attributes:
         number: which arm of the problem.
         arm: the arm.
+        kind: key of its robot's file.
         locked: its joints that are held still, as in the problem.
         root: its root link.
         links: what moves each link and where it is, see `Tree.placed`.
@@ -52,6 +53,7 @@ class _Member:
 
     number: int
     arm: Arm
+    kind: str
     locked: Mapping[str, float]
     root: str
     links: Mapping[str, tuple[str | None, Pose]]
@@ -63,15 +65,15 @@ class _Member:
         links = tree.placed(tree.standing(spec.locked, names).at, names)
         root = tree.root if spec.root is None else spec.root
         origin = arm.base @ links[root][1].inverse()
-        return cls(number, arm, spec.locked, root, links, origin)
+        return cls(number, arm, spec.kind, spec.locked, root, links, origin)
 
 
 @dataclass(frozen=True, eq=False)
 class _Team:
-    """The arms of one robot: one URDF at one base.
+    """The arms of one robot: one file at one base.
 
     Attributes:
-        tree: what the URDF says.
+        tree: what its file says.
         shapes: of its links.
         members: its arms, in file order.
     """
@@ -137,10 +139,10 @@ class _Team:
 
 
 def robot_solids(problem: Problem, arms: Sequence[Arm]) -> RobotSolids:
-    """The solids of a problem's URDF arms.
+    """The solids of a problem's robots.
 
     Raises:
-        InputError: a URDF cannot be read, or gives no shape to any link that an arm moves.
+        InputError: a robot cannot be read, or gives no shape to any link that an arm moves.
     """
     folder = problem.source.parent if problem.source is not None else Path()
     robots: RobotsRead = {}
@@ -182,7 +184,7 @@ def robot_solids(problem: Problem, arms: Sequence[Arm]) -> RobotSolids:
 
 
 def large_links(problem: Problem) -> tuple[str, ...]:
-    """Notes on links of URDF arms that are larger than any robot's; no shape need be readable."""
+    """Notes on links of robots that are larger than any robot's; no shape need be readable."""
     folder = problem.source.parent if problem.source is not None else Path()
     robots: RobotsRead = {}
     for i, spec in enumerate(problem.arms):
@@ -201,15 +203,16 @@ def _unreadable(team: _Team) -> InputError:
         faults = [f"{faults[0]}{more}; {team.shapes.missing[0]}"]
     return InputError(
         f"collision needs shapes of {team.tree.file.name} that cannot be read: {together(faults)}",
-        key=f"{arm_key(first.number, first.arm.name)}.urdf",
+        key=f"{arm_key(first.number, first.arm.name)}.{first.kind}",
     )
 
 
 def _without_shape(team: _Team, member: _Member) -> InputError:
+    needed = "geoms" if team.tree.model else "<collision> or <visual> elements"
     return InputError(
         f"{team.tree.file.name} has no shape for any link that the arm moves; collision needs "
-        "<collision> or <visual> elements",
-        key=f"{arm_key(member.number, member.arm.name)}.urdf",
+        f"{needed}",
+        key=f"{arm_key(member.number, member.arm.name)}.{member.kind}",
     )
 
 

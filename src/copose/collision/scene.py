@@ -43,7 +43,7 @@ class Scene:
         """The scene of a problem.
 
         Raises:
-            InputError: an arm has no shape, or its URDF cannot be read.
+            InputError: an arm has no shape, or its robot cannot be read.
         """
         try:
             return cls._of(problem, arms)

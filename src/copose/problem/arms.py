@@ -104,13 +104,15 @@ class ArmSpec(Spec):
 
     Attributes:
         name: a name of its own.
-        start: joint positions before, rad or m; left out, the seed gives them.
+        start: joint positions before, rad or m; left out, a MuJoCo model's keyframe or the seed
+            gives them.
         torque_limits: the largest, N·m or N, inf for none; left out, the robot file's.
         position_limits: [lower, upper] a joint, rad or m, ±inf for none; left out, the robot
             file's.
         velocity_limits: the largest, rad/s or m/s; left out, the robot file's.
         acceleration_limits: the largest, rad/s² or m/s²; left out, none.
-        armature: reflected inertia of the rotors, kg·m² or kg; left out, gears are ignored.
+        armature: reflected inertia of the rotors, kg·m² or kg; left out, a MuJoCo
+            model's; of other arms gears are ignored.
         grip: what the contact bears.
         fixed: whether the arm is held at its start.
         freedom: how far base and grasp may be moved.
@@ -137,7 +139,7 @@ class ArmSpec(Spec):
 
 
 class RobotArm(ArmSpec):
-    """``[[arms]]`` with a URDF: the chain from ``root`` to ``tip``.
+    """``[[arms]]`` with a URDF or a MuJoCo model: the chain from ``root`` to ``tip``.
 
     ``packages`` says in which folders, relative to the problem file, the packages lie that
     ``package://…`` names, in ``urdf`` and in that file; what it does not name is looked for on
@@ -145,20 +147,22 @@ class RobotArm(ArmSpec):
 
     Attributes:
         urdf: a URDF or .xacro: relative to this file, package://…, example-robot-data://… or
-            robot_descriptions://NAME.
+            robot_descriptions://NAME; left out beside mjcf.
+        mjcf: a MuJoCo model, read by the package mujoco, extra [mjcf]; left out beside urdf.
         xacro_args: arguments of a .xacro.
         packages: folders of packages by name, relative to this file.
-        root: link that the base places; left out, the URDF's root link.
-        tip: link that grasps.
+        root: link that the base places; left out, the file's root link.
+        tip: link that grasps; of a MuJoCo model a site or a body.
         locked: positions of movable joints that are held still, rad or m.
-        ignore_collisions: pairs of links that may touch, beside those that an SRDF of the URDF's
-            name beside it disables.
+        ignore_collisions: pairs of links that may touch, beside those that an SRDF of the file's
+            name beside it disables, and those that a MuJoCo model excludes.
         base: root link in the world.
         grasp: tip frame in the object's; left out beside a start, where the tip is then.
         tool: a body fixed to the tip; left out, none.
     """
 
-    urdf: FilePath
+    urdf: FilePath | None = None
+    mjcf: FilePath | None = None
     xacro_args: dict[str, XacroArgument] = Field(default_factory=dict)
     packages: dict[str, FilePath] = Field(default_factory=dict)
     root: Text | None = None
@@ -170,6 +174,16 @@ class RobotArm(ArmSpec):
     freedom: ArmFreedom = ArmFreedom()
     tool: Tool | None = None
 
+    @property
+    def kind(self) -> str:
+        """What its file is, and the key that names it."""
+        return "urdf" if self.mjcf is None else "mjcf"
+
+    @property
+    def file(self) -> str:
+        """The robot's file, as it is named."""
+        return self.urdf or self.mjcf or ""
+
     @model_validator(mode="before")
     @classmethod
     def _kind(cls, data: Any) -> Any:
@@ -178,6 +192,15 @@ class RobotArm(ArmSpec):
             "links",
             "an arm by its links belongs to the planar spaces; here give urdf and tip",
         )
+
+    @model_validator(mode="after")
+    def _one_file(self) -> RobotArm:
+        if (self.urdf is None) == (self.mjcf is None):
+            text = "urdf is missing, or mjcf for a MuJoCo model"
+            if self.mjcf is not None:
+                text = "has urdf and mjcf; give the one that its robot is read from"
+            raise PydanticCustomError("copose", "{text}", {"text": text})
+        return self
 
 
 class PlanarArm(ArmSpec):
@@ -199,6 +222,7 @@ class PlanarArm(ArmSpec):
     @model_validator(mode="before")
     @classmethod
     def _kind(cls, data: Any) -> Any:
-        return _without(
-            data, "urdf", "an arm by its URDF belongs to the spatial spaces; here give links"
-        )
+        for key, what in (("urdf", "URDF"), ("mjcf", "MuJoCo model")):
+            text = f"an arm by its {what} belongs to the spatial spaces; here give links"
+            data = _without(data, key, text)
+        return data

@@ -27,6 +27,7 @@ def made_schema() -> str:
         # A start teaches a grasp that is left out, and they together the object's position.
         definitions[name]["required"].remove("grasp")
         definitions[name]["anyOf"] = [{"required": ["grasp"]}, {"required": ["start"]}]
+    definitions["RobotArm"]["oneOf"] = [{"required": ["urdf"]}, {"required": ["mjcf"]}]
     for name in ("SpatialObject", "PlanarObject"):
         definitions[name]["required"].remove("position")
     for kind in kinds:

@@ -60,7 +60,7 @@ class Joint:
     """A joint of one degree of freedom and the body it moves.
 
     Attributes:
-        name: as in the URDF; ``joint1``, ``joint2``, … for a planar arm.
+        name: as in the robot's file; ``joint1``, ``joint2``, … for a planar arm.
         kind: revolute (rad) or prismatic (m).
         axis: unit axis in the joint's frame.
         placement: joint frame at zero in the frame of the joint before it (the first: in the root).
@@ -118,7 +118,7 @@ class Arm:
 
     Attributes:
         name: as in the problem file.
-        model: where the numbers come from, for the reader: a URDF's file name, ``planar links``.
+        model: where the numbers come from, for the reader: a robot's file name, ``planar links``.
         joints: the free joints, root to tip.
         base: T_world_root.
         tip: tip frame in the last joint's frame.
@@ -208,7 +208,7 @@ class Doubts:
     def positions(self, joint: str, limits: tuple[float, float]) -> tuple[float, float]:
         """Limits of a joint's position; those of 1e6 and more are none."""
         if any(_NO_LIMIT <= abs(limit) < np.inf for limit in limits):
-            self._note("position limits of 1e6 and more count as none", joint)
+            self.note("position limits of 1e6 and more count as none", joint)
         lower, upper = (limit if abs(limit) < _NO_LIMIT else np.inf for limit in limits)
         return -lower if lower == np.inf else lower, upper
 
@@ -225,7 +225,7 @@ class Doubts:
             return limit
         if limit is not None or fault:
             shown = "no number" if limit is None else f"{limit:g}"
-            self._note(f"limits of {what} that are not above zero count as not given", joint, shown)
+            self.note(f"limits of {what} that are not above zero count as not given", joint, shown)
         return np.inf
 
     def told(self, arm: str) -> tuple[str, ...]:
@@ -234,7 +234,8 @@ class Doubts:
             f"arm {arm!r}: {what}: {', '.join(joints)}" for what, joints in self._joints.items()
         )
 
-    def _note(self, what: str, joint: str, value: str = "") -> None:
+    def note(self, what: str, joint: str, value: str = "") -> None:
+        """What something is read as, of a joint, or of a link."""
         self._joints.setdefault(what, []).append(f"{joint} ({value})" if value else joint)
 
 

@@ -1,4 +1,4 @@
-"""Where a ``urdf = …`` entry points: files beside the problem, ROS packages, example robots."""
+"""Where ``urdf`` and ``mjcf`` point: files beside the problem, ROS packages, example robots."""
 
 from __future__ import annotations
 
@@ -89,9 +89,10 @@ def _description(name: str) -> Path:
     except Exception as error:
         # Whatever fetching it by git meets.
         raise InputError(f"robot_descriptions cannot fetch {name}: {error}") from None
-    path = getattr(module, "URDF_PATH", None) or getattr(module, "XACRO_PATH", None)
+    paths = (getattr(module, f"{kind}_PATH", None) for kind in ("URDF", "XACRO", "MJCF"))
+    path = next(filter(None, paths), None)
     if path is None:
-        raise InputError(f"robot_descriptions has no URDF of {name}")
+        raise InputError(f"robot_descriptions has no file of {name}")
     return Path(path)
 
 

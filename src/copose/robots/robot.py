@@ -1,4 +1,4 @@
-"""Arms from URDF files: the chain root → tip, with everything else lumped into its joints."""
+"""Arms from robots' files: the chain root → tip, with everything else lumped into its joints."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from copose.errors import InputError, nearest, shown, together
-from copose.poses import Pose, frozen_array
+from copose.poses import Array, Pose, frozen_array
 from copose.problem import RobotArm
 from copose.robots.arm import (
     Arm,
@@ -25,6 +25,7 @@ from copose.robots.arm import (
     freed,
     start_within_limits,
 )
+from copose.robots.mjcf_tree import read_mjcf
 from copose.robots.paths import resolve
 from copose.robots.plausibility import inertia_oddities, limit_oddities, negative_inertias
 from copose.robots.tree import MOVABLE, Standing, Tree, TreeJoint
@@ -33,12 +34,14 @@ from copose.robots.xacro_file import XACRO
 
 # As many as a planar arm may have links; what an arm costs grows with the square of it.
 _MOST_FREE = 32
+# What a position of a file may be off a limit of it, rad or m.
+_ROUNDING = 1e-6
 _MASSLESS = Body(0.0, frozen_array(np.zeros(3)), frozen_array(np.zeros((3, 3))))
 
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A URDF, read, and the folders of the packages that it may name."""
+    """A robot's file, read, and the folders of the packages that it may name."""
 
     tree: Tree
     packages: Mapping[str, Path]
@@ -52,9 +55,9 @@ class RobotOnBase:
     """Which robot an arm is part of, to tell whether two arms move independently.
 
     Attributes:
-        source: the URDF, with the arguments of xacro.
+        source: its file, with the arguments of xacro.
         origin: T_world_universe of the whole robot.
-        hangs_on: the movable joints above the tip, from the URDF's root: where a locked one is
+        hangs_on: the movable joints above the tip, from its root link: where a locked one is
             held, None where the arm moves it.
     """
 
@@ -63,7 +66,7 @@ class RobotOnBase:
     hangs_on: Mapping[str, float | None]
 
     def same(self, other: RobotOnBase) -> bool:
-        """Whether the two arms are parts of one robot: one URDF at one base."""
+        """Whether the two arms are parts of one robot: one file at one base."""
         return self.source == other.source and np.allclose(
             np.column_stack([self.origin.rotation, self.origin.position]),
             np.column_stack([other.origin.rotation, other.origin.position]),
@@ -102,7 +105,7 @@ class RobotOnBase:
 
 
 def read_robot(spec: RobotArm, folder: Path, key: str, read: RobotsRead) -> Robot:
-    """The robot of a ``urdf = …`` entry, read once per file and folders of packages.
+    """The robot of an arm's file, read once per file and folders of packages.
 
     Args:
         spec: the ``[[arms]]`` table.
@@ -118,29 +121,33 @@ def read_robot(spec: RobotArm, folder: Path, key: str, read: RobotsRead) -> Robo
         for name, place in spec.packages.items()
     }
     try:
-        file = resolve(spec.urdf, folder, packages).resolve()
+        file = resolve(spec.file, folder, packages).resolve()
         arguments = {name: _xacro_text(value) for name, value in spec.xacro_args.items()}
         if arguments and file.suffix != XACRO:
             raise InputError(f"xacro_args have no effect: {file.name} is no {XACRO}")
-        kind = file, tuple(sorted(packages.items())), tuple(sorted(arguments.items()))
+        kind = (
+            spec.kind, file, tuple(sorted(packages.items())), tuple(sorted(arguments.items())),
+        )  # fmt: skip
         if kind not in read:
-            read[kind] = Robot(read_tree(file, packages, arguments), packages)
+            mjcf = spec.mjcf is not None
+            tree = read_mjcf(file) if mjcf else read_tree(file, packages, arguments)
+            read[kind] = Robot(tree, packages)
         return read[kind]
     except InputError as error:
         text = f"{error.file}: {error.message}" if error.file else error.message
-        raise InputError(text, key=f"{key}.urdf") from None
+        raise InputError(text, key=f"{key}.{spec.kind}") from None
     except (OSError, ValueError, RuntimeError) as error:
         # What pathlib makes of unknown users, zero bytes, endless names and circular links.
-        text = f"{shown(spec.urdf)} is no usable path: {error}"
-        raise InputError(text, key=f"{key}.urdf") from None
+        text = f"{shown(spec.file)} is no usable path: {error}"
+        raise InputError(text, key=f"{key}.{spec.kind}") from None
 
 
 def robot_arm(spec: RobotArm, robot: Robot, key: str, *, weighed: bool) -> tuple[Arm, RobotOnBase]:
-    """The chain root → tip of a URDF with every other joint locked.
+    """The chain root → tip of a robot with every other joint locked.
 
     Args:
         spec: the ``[[arms]]`` table.
-        robot: what its ``urdf`` names.
+        robot: what its file says.
         key: of the table, for messages.
         weighed: whether the inertia of its links is needed.
 
@@ -178,6 +185,12 @@ def robot_arm(spec: RobotArm, robot: Robot, key: str, *, weighed: bool) -> tuple
     if any(faults):
         raise tree.fault(together(fault for fault in faults if fault), key)
 
+    for what, text in (each for joint in free for each in joint.doubts.items()):
+        doubts.note(what, text)
+    for joint in carried:
+        for what, text in tree.links[joint.child].doubts.items():
+            doubts.note(what, text)
+
     T_universe_root, tip = placed[root][1], placed[spec.tip][1]
     joints = []
     for i, (joint, (lower, upper, _)) in enumerate(zip(free, ranges, strict=True)):
@@ -200,13 +213,17 @@ def robot_arm(spec: RobotArm, robot: Robot, key: str, *, weighed: bool) -> tuple
                 velocity=_positive(joint, "velocity", i, spec.velocity_limits, doubts),
                 acceleration=spec.acceleration_limits[i] if spec.acceleration_limits else np.inf,
                 effort=_positive(joint, "effort", i, spec.torque_limits, doubts),
-                armature=spec.armature[i] if spec.armature else 0.0,
+                armature=spec.armature[i] if spec.armature else joint.armature,
             )
         )
     base = spec.base.pose
     passed_over = (
         f"{tree.file.name}: what xacro left in it is passed over: {', '.join(tree.foreign)}"
     )
+    start = start_within_limits(spec, tuple(joints), key)
+    said: tuple[str, ...] = ()
+    if start is None and tree.keyframe:
+        start, said = _at_keyframe(spec, tree, joints)
     arm = Arm(
         name=spec.name,
         model=tree.file.name,
@@ -214,18 +231,19 @@ def robot_arm(spec: RobotArm, robot: Robot, key: str, *, weighed: bool) -> tuple
         base=base,
         tip=tip,
         grasp=spec.grasp.pose,
-        start=start_within_limits(spec, tuple(joints), key),
+        start=start,
         locked=tuple(
             _locked(joint, standing.at[joint.name])
             for joint in needed
             if joint.kind in MOVABLE and joint.name not in names
         ),
-        geared=spec.armature is not None,
+        geared=spec.armature is not None or any(joint.armature for joint in free),
         free=freed(spec),
         fixed=spec.fixed,
         weightless=tuple(weightless),
         notes=(
             *doubts.told(spec.name),
+            *said,
             *([f"{tree.file.name} was run by xacro"] if tree.file.suffix == XACRO else []),
             *([passed_over] if tree.foreign else []),
         ),
@@ -244,6 +262,20 @@ def robot_arm(spec: RobotArm, robot: Robot, key: str, *, weighed: bool) -> tuple
         },
     )
     return arm, whole
+
+
+def _at_keyframe(
+    spec: RobotArm, tree: Tree, joints: Sequence[Joint]
+) -> tuple[Array | None, tuple[str, ...]]:
+    """The start that a robot's file has, or None where it is outside the limits; and a note."""
+    q = np.array([tree.home[joint.name] for joint in joints])
+    low, high = np.array([(joint.lower, joint.upper) for joint in joints]).T
+    where = f"keyframe {tree.keyframe!r} of {tree.file.name}"
+    outside = [j.name for j, x in zip(joints, q, strict=True) if not j.lower <= x <= j.upper]
+    if np.any((q < low - _ROUNDING) | (q > high + _ROUNDING)):
+        text = f"arm {spec.name!r}: {where} is no start: outside the limits of {', '.join(outside)}"
+        return None, (text,)
+    return frozen_array(np.clip(q, low, high)), (f"arm {spec.name!r} starts at {where}",)
 
 
 def _package_folder(place: str, folder: Path, key: str) -> Path:
@@ -282,6 +314,8 @@ def joint_faults(
                 "continuous and prismatic joints can be used"
             )
         yield joint.faults.get("origin", "")
+        if joint.name in free:
+            yield joint.faults.get("drive", "")
         if joint.name in free or standing.at.get(joint.name):
             yield joint.faults.get("axis", "")
         yield standing.faults.get(joint.name, "")

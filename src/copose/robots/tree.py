@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,11 +23,19 @@ MOVABLE = ("revolute", "continuous", "prismatic")
 
 @dataclass(frozen=True)
 class Mimic:
-    """What a joint follows: it stands at multiplier · leader + offset."""
+    """What a joint follows: it stands at Σ coefficients[k] · leaderᵏ; the leader of a constant has
+    no name.
+    """
 
     leader: str
-    multiplier: float
-    offset: float
+    coefficients: tuple[float, ...]
+
+    def at(self, leader: float) -> float:
+        """Where it stands, by where its leader does."""
+        position = 0.0
+        for coefficient in reversed(self.coefficients):
+            position = position * leader + coefficient
+        return position
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +54,10 @@ class TreeJoint:
         velocity: alike.
         mimic: what it follows, if anything.
         faults: what cannot be read, by the part that it spoils: ``origin``, ``axis``, ``limit``,
-            ``effort``, ``velocity``, ``mimic``. The part itself is then a stand-in.
+            ``effort``, ``velocity``, ``mimic``. The part itself is then a stand-in. ``drive``:
+            why no torque of its own drives it.
+        armature: reflected inertia of its rotor, kg·m² or kg.
+        doubts: of a joint that is free, what is read otherwise than the file says, and its name.
     """
 
     name: str
@@ -60,6 +72,8 @@ class TreeJoint:
     velocity: float | None
     mimic: Mimic | None
     faults: Mapping[str, str]
+    armature: float = 0.0
+    doubts: Mapping[str, str] = field(default_factory=dict)
 
     def at(self, position: float) -> Pose:
         """T_parent_child at a position, rad or m."""
@@ -78,6 +92,7 @@ class TreeLink:
         outline: corners, in its frame, of the boxes round its shapes, meshes left out, (k, 3).
         bounded: whether that is all of it: it has shapes, and none is a mesh.
         element: its XML in a URDF.
+        doubts: what is read otherwise than the file says, and its name.
     """
 
     body: Body | None
@@ -85,6 +100,7 @@ class TreeLink:
     outline: Array
     bounded: bool
     element: ET.Element | None = None
+    doubts: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +120,7 @@ class Standing:
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """Links and joints of a URDF.
+    """Links and joints of a robot's file.
 
     Attributes:
         file: where it was read.
@@ -115,6 +131,10 @@ class Tree:
         order: the joints, each behind the one that it hangs on.
         arguments: of the .xacro that the file is.
         foreign: what xacro left in the file, such as ``xacro:property``.
+        model: a MuJoCo model, compiled; None of a URDF.
+        bodies: by link that is one, its number in that model.
+        keyframe: the name of the keyframe that arms start at; empty where there is none.
+        home: positions of joints there.
     """
 
     file: Path
@@ -125,6 +145,10 @@ class Tree:
     order: tuple[TreeJoint, ...]
     foreign: tuple[str, ...]
     arguments: tuple[tuple[str, str], ...] = ()
+    model: Any = None
+    bodies: Mapping[str, int] = field(default_factory=dict)
+    keyframe: str = ""
+    home: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def source(self) -> object:
@@ -137,7 +161,7 @@ class Tree:
         return {j.name: j for j in self.joints.values() if j.kind in MOVABLE}
 
     def ancestors(self, link: str) -> list[TreeJoint]:
-        """The joints between the URDF's root link and a link, nearest the link first."""
+        """The joints between the root link and a link, nearest the link first."""
         path = []
         while link in self.joints:
             path.append(self.joints[link])
@@ -195,12 +219,12 @@ class Tree:
                 joint = self.movable[follower]
                 assert joint.mimic is not None
                 leader = joint.mimic.leader
-                at[follower] = joint.mimic.multiplier * at.get(leader, 0.0) + joint.mimic.offset
+                at[follower] = joint.mimic.at(at.get(leader, 0.0))
                 if leader in free or leader in moved:
                     moved[follower] = moved.get(leader, leader)
                 if leader in faults or "mimic" in joint.faults:
                     faults[follower] = joint.faults.get("mimic") or faults[leader]
-                elif leader not in self.movable:
+                elif leader and leader not in self.movable:
                     faults[follower] = (
                         f"joint {follower!r} mimics {leader!r}, which is no movable joint of "
                         f"{self.file.name}{nearest(leader, self.movable)}; or lock {follower!r}"

@@ -59,7 +59,8 @@ def read_tree(
         text = expanded(file, arguments or {}, packages or {})
     robot = _parsed(text, file)
     if robot.tag != "robot":
-        raise InputError(f"{file.name} is not a URDF: its root is <{robot.tag}>, not <robot>")
+        hint = "; name a MuJoCo model by mjcf" if robot.tag == "mujoco" else ""
+        raise InputError(f"{file.name} is not a URDF: its root is <{robot.tag}>, not <robot>{hint}")
     foreign = _of_xacro(robot)
     links, joints = robot.findall("link"), robot.findall("joint")
     if len(joints) > _MOST_JOINTS:
@@ -303,13 +304,13 @@ def _joint(element: ET.Element) -> TreeJoint:
                 given[key] = _limit(limit, key)
     followed = None
     if mimic is not None:
-        followed = Mimic(mimic.get("joint", ""), 1.0, 0.0)
+        followed = Mimic(mimic.get("joint", ""), (0.0, 1.0))
         with noting("mimic"):
             (factor,), (offset,) = (
                 numbers(mimic, key, 1, default)
                 for key, default in (("multiplier", "1"), ("offset", "0"))
             )
-            followed = Mimic(followed.leader, factor, offset)
+            followed = Mimic(followed.leader, (offset, factor))
     return TreeJoint(
         name=name,
         kind=element.get("type", ""),

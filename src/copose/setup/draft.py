@@ -89,7 +89,7 @@ def draft(robots: Sequence[str], file: Path, wishes: Wishes) -> Draft:
     """A problem of robots around one object, every guess of it with a comment.
 
     Args:
-        robots: URDFs, as `RobotEntry.of` takes them.
+        robots: URDFs and MuJoCo models, as `RobotEntry.of` takes them.
         file: that it will be written to.
         wishes: what is not guessed.
 
@@ -166,7 +166,7 @@ def _cell(entries: Sequence[RobotEntry], arms: Sequence[NamedArm], space: str, f
         tables.append(
             {
                 "name": arm.name,
-                "urdf": entries[arm.robot].urdf,
+                entries[arm.robot].key: entries[arm.robot].place,
                 "root": chain.root,
                 "tip": chain.tip,
                 "locked": _locked(arm),
@@ -315,7 +315,7 @@ class _Writer:
         chain, q = self.chains[i], self.holding.starts[i]
         text.table("[[arms]]", arm.name)
         text.put("name", arm.name)
-        text.put("urdf", self.entries[arm.robot].urdf)
+        text.put(self.entries[arm.robot].key, self.entries[arm.robot].place)
         if arm.chain.root != arm.chain.tree.root:
             text.put("root", arm.chain.root, "what is above it cannot be held still")
         asked = arm.chain.why == "as asked"

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from copose.errors import InputError, nearest
+from copose.robots.mjcf_tree import first_tag, read_mjcf
 from copose.robots.paths import resolve
 from copose.robots.robot import Robot
 from copose.robots.urdf_tree import read_tree
@@ -35,13 +36,15 @@ class RobotEntry:
     """A robot that a command line names.
 
     Attributes:
-        urdf: as the problem file names it.
+        key: that names it in the problem file, ``urdf`` or ``mjcf``.
+        place: as the problem file names it.
         stem: its file's name.
         robot: what it says.
         named: links that an SRDF beside it calls tips.
     """
 
-    urdf: str
+    key: str
+    place: str
     stem: str
     robot: Robot
     named: frozenset[str]
@@ -51,7 +54,8 @@ class RobotEntry:
         """Read a robot.
 
         Args:
-            entry: a path, ``package://…`` or ``example-robot-data://…``.
+            entry: a path, ``package://…`` or ``example-robot-data://…``, of a MuJoCo model to an
+                .xml.
             folder: that the problem file will be in.
 
         Raises:
@@ -60,13 +64,15 @@ class RobotEntry:
         file = resolve(entry, Path(), {})
         try:
             file = file.resolve()
-            tree = read_tree(file, {}, {})
+            mjcf = file.suffix == ".xml" and first_tag(file) == "mujoco"
+            tree = read_mjcf(file) if mjcf else read_tree(file, {}, {})
         except InputError as error:
             raise InputError(error.message, file=error.file or entry) from None
         except (OSError, ValueError, RuntimeError) as error:
             raise InputError(f"is no usable path: {error}", file=entry) from None
-        urdf = entry if "://" in entry else _relative(file, folder)
-        return cls(urdf, file.stem, Robot(tree, {}), srdf_tips(file, tree.name))
+        place = entry if "://" in entry else _relative(file, folder)
+        key = "mjcf" if mjcf else "urdf"
+        return cls(key, place, file.stem, Robot(tree, {}), srdf_tips(file, tree.name))
 
 
 def _relative(file: Path, folder: Path) -> str:
@@ -116,7 +122,7 @@ def named_arms(robots: Sequence[RobotEntry], tips: Sequence[str]) -> list[NamedA
         if not chains:
             raise InputError(
                 "has no arm that is found; name the link that grasps by --tip LINK",
-                file=each.urdf,
+                file=each.place,
             )
         names = [name for name, _ in asked[k]] or [""] * len(chains)
         arms += [NamedArm(name, k, chain) for name, chain in zip(names, chains, strict=True)]
