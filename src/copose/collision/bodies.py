@@ -135,7 +135,6 @@ class Bodies:
         self._pair_arms = moved[pairs]
         self._planar = planar
         self._queries: dict[bytes, HullQueries] = {}
-        self._functors: dict[tuple[int, int, str], Any] = {}
         # The same configuration is often asked for several times on end.
         self._latest: tuple[bytes, Placements] | None = None
 
@@ -479,16 +478,16 @@ class Bodies:
         return np.asarray(-reach)
 
     def _functor(self, one: _Placed, other: _Placed, what: str) -> Any:
-        """What measures a pair of parts: bodies, hulls, or whether bodies come too near."""
+        """What measures a pair of parts: bodies, hulls, or whether these come too near.
+
+        New each time: what it was asked before changes its last digits.
+        """
         import coal
 
-        key = id(one), id(other), what
-        if key not in self._functors:
-            shapes = [p.part.shape.bound if what.startswith("hulls") else p.part.shape.coal
-                      for p in (one, other)]  # fmt: skip
-            make = coal.ComputeCollision if what.endswith("collide") else coal.ComputeDistance
-            self._functors[key] = make(*shapes)
-        return self._functors[key]
+        shapes = [p.part.shape.bound if what.startswith("hulls") else p.part.shape.coal
+                  for p in (one, other)]  # fmt: skip
+        make = coal.ComputeCollision if what.endswith("collide") else coal.ComputeDistance
+        return make(*shapes)
 
     def _hull(self, one: _Placed, other: _Placed, places: Places) -> float:
         """Distance of the hulls of two parts."""

@@ -55,8 +55,9 @@ _LOSS = 1e-9
 # there are none, others; and how often it is solved with those that it has run into.
 MATTERS, _FARTHER, _COLLISIONS = 0.01, 0.1, 12
 # What comes within this of the best, relative, is followed along bodies that it touches for as long
-# as it gains so much: what it would gain next is of the order of the square.
-_NEAR_BEST, _GAIN = 3e-5, 1e-6
+# as it gains so much, for what it would gain next is of the order of the square; but not what is
+# farther below the best than so many times what that has gained.
+_NEAR_BEST, _GAIN, _HOPE = 3e-5, 1e-6, 3.0
 # Optima of which the first that keeps clear is looked for.
 _LOOKED_AT = 16
 
@@ -451,9 +452,13 @@ class Machinery:
         if setting.bodies is None:
             return ends
         values = self.objectives(setting, np.array([end.q for end in ends]))
+        most = _NEAR_BEST * max(1.0, abs(best))
         for k in np.argsort(-values, kind="stable"):
-            if ends[k].converged and not values[k] < best - _NEAR_BEST * max(1.0, abs(best)):
+            if ends[k].converged and not values[k] < best - most:
                 ends[k] = self._followed(setting, ends[k], numbers[k], beside[k], bounds)
+                end = self.objectives(setting, ends[k].q[None])[0]
+                # What the best has gained says how much others may.
+                best, most = max(best, end), min(most, _HOPE * (end - values[k]))
         return ends
 
     def _climb(
