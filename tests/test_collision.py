@@ -904,6 +904,31 @@ def test_what_lies_wholly_within_a_mesh_overlaps_it(tmp_path: Path) -> None:
     assert nearest.distance == pytest.approx(0.03, abs=1e-6)
 
 
+def test_a_mesh_may_have_a_flat_face_of_many_corners(tmp_path: Path) -> None:
+    turns, up = np.linspace(0, 2 * np.pi, 400, endpoint=False), np.array([0, 0, 0.1])
+    ring = 0.05 * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(400)])
+    low, high = ring - up, ring + up
+    side = np.roll(np.arange(400), -1)
+    triangles = np.vstack([
+        np.stack([low, low[side], high[side]], axis=1),
+        np.stack([low, high[side], high], axis=1),
+        np.stack([np.tile(low[0], (398, 1)), low[2:], low[1:-1]], axis=1),
+        np.stack([np.tile(high[0], (398, 1)), high[1:-1], high[2:]], axis=1),
+    ])  # fmt: skip
+    records = np.zeros(len(triangles), dtype="(3,)<f4, (3,3)<f4, <u2")
+    records["f1"] = triangles
+    head = b"\0" * 80 + struct.pack("<I", len(records))
+    (tmp_path / "rod.stl").write_bytes(head + records.tobytes())
+    shapes = {5: collision(mesh("rod.stl")), 1: collision('<sphere radius="0.03"/>')}
+    lamp = {"name": "lamp", "shape": {"kind": "sphere", "radius": 0.02}}
+    for beyond in (0.03, 0.3):
+        place = [1.2, 0, 0.1 + 0.02 + beyond]
+        cell = chain_cell(tmp_path, chain(shapes), obstacles=[lamp | {"position": place}])
+        nearest = cell.bodies.nearest(cell.x([np.zeros(6)]))
+        assert nearest is not None
+        assert nearest.distance == pytest.approx(beyond, abs=1e-6)
+
+
 def test_pairs_that_are_ignored(tmp_path: Path) -> None:
     """By the problem or an SRDF of the URDF's name beside it; what both do not name counts."""
     text = chain({i: collision('<sphere radius="0.03"/>') for i in range(6)})

@@ -18,6 +18,8 @@ _SIDES = 24
 # A surface that is farther below its hull is asked itself, and so is one whose triangles times the
 # hull's facets are more; a hull with more corners is replaced by a box.
 _DEEP, _MANY, _CORNERS = 2e-3, 30_000_000, 20_000
+# Of one corner coal knows so many neighbours; a large flat face may be cut into a fan.
+_NEIGHBOURS = 255
 _AT_ONCE = 256
 # What the box round a flat surface is larger, m.
 _ROUNDING = 1e-9
@@ -164,7 +166,8 @@ class Mesh:
             hull = ConvexHull(self.vertices)
         except (QhullError, ValueError):
             return self._box
-        if len(hull.vertices) > _CORNERS:
+        many = np.bincount(hull.simplices.ravel()).max() > _NEIGHBOURS
+        if many or len(hull.vertices) > _CORNERS:
             return self._box
         number = np.full(len(self.vertices), -1)
         number[hull.vertices] = np.arange(len(hull.vertices))
