@@ -219,8 +219,7 @@ class Bodies:
         return bounds
 
     def far_apart(self, alone: Sequence[Array]) -> Callable[[Indices], Mask]:
-        """What says which combinations of arms surely keep them apart, by the balls round their
-        solids.
+        """A test of combinations of the arms: whether balls round their solids lie apart.
 
         Args:
             alone: by arm, configurations, (count_i, size), of which only its own joints count.

@@ -17,8 +17,10 @@ from copose.poses import Array, Indices, Mask
 # Combinations of which some are told.
 _COMBINED = 1024
 # Where at most such a part of an arm's postures is clear others are closed between those next to
-# each other, at such parts of the way.
-_FEW_CLEAR, _BETWEEN = 0.5, (0.5, 0.25, 0.75)
+# each other.
+_FEW_CLEAR = 0.5
+# At what parts of the way between them, one after the other.
+_BETWEEN = (0.5, 0.25, 0.75)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +72,7 @@ def alone_clear(setting: Setting, i: int, q: Array) -> Mask:
 
 
 def kept_apart(setting: Setting, postures: Sequence[Array]) -> Callable[[Indices], Mask]:
-    """What says which combinations, (count, K), of the arms' postures keep the arms clear of each
+    """A test of combinations, (count, K), of the arms' postures: whether the arms are clear of each
     other.
     """
     bodies = setting.bodies

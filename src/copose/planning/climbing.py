@@ -21,9 +21,10 @@ _SAME_JOINTS = 1e-3
 _TIE = 1e-8
 # Ends that did not converge matter where they come near the best.
 _NEAR_BEST = 1e-2
-# Of how many starts one climb that bodies stop is gone on with by IPOPT, the best starts first; and
-# of how many at least.
-_STOPPED, _FEWEST = 6, 4
+# IPOPT goes on with one climb that bodies stop for so many starts, the best starts first.
+_STOPPED = 6
+# And with so many at least.
+_FEWEST = 4
 _KINKED = 10
 # Starts that are polished at a time, and how many times the largest gain so far the next may hope
 # for.

@@ -51,13 +51,18 @@ _LOOK_AGAIN = 0.5
 _EXCHANGES, _WANDER, _NEARER, _NO_ROOM = 20, 6, 0.3, 1e-6
 # What a climb may lose by rounding, relative.
 _LOSS = 1e-9
-# Bodies that are less than this farther apart than they must be matter to a program, m, and where
-# there are none, others; and how often it is solved with those that it has run into.
-MATTERS, _FARTHER, _COLLISIONS = 0.01, 0.1, 12
-# What comes within this of the best, relative, is followed along bodies that it touches for as long
-# as it gains so much, for what it would gain next is of the order of the square; but not what is
-# farther below the best than so many times what that has gained.
-_NEAR_BEST, _GAIN, _HOPE = 3e-5, 1e-6, 3.0
+# Bodies that are less than this farther apart than they must be matter to a program, m.
+MATTERS = 0.01
+# Where there are none, those do that are less than this farther apart.
+_FARTHER = 0.1
+# How often a program is solved with what it has run into.
+_COLLISIONS = 12
+# What comes within this of the best, relative, is followed along bodies that it touches.
+_NEAR_BEST = 3e-5
+# For as long as it gains so much: what it would gain next is of the order of the square.
+_GAIN = 1e-6
+# Not what is farther below the best than so many times what that has gained.
+_HOPE = 3.0
 # Optima of which the first that keeps clear is looked for.
 _LOOKED_AT = 16
 
