@@ -602,7 +602,7 @@ def _emptied(stream: TextIO) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _on_interrupt(act: Callable[[], None]) -> Iterator[None]:
-    """A first ^C that does something else than end the process; the next does what it did before."""
+    """A first ^C that does not end the process; the next does what it did before."""
     before = signal.getsignal(signal.SIGINT)
     if not callable(before) or threading.current_thread() is not threading.main_thread():
         yield
