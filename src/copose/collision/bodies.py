@@ -304,7 +304,7 @@ class Bodies:
     def witnesses(
         self, x: Array, within: float, pairs: Indices | None = None, *, roughly: bool = False
     ) -> list[Witness]:
-        """Of shapes nearer to each other than ``within``, m, in a configuration, (size,).
+        """The witnesses of shapes nearer than ``within``, m, in a configuration, (size,).
 
         Args:
             x: the configuration.
@@ -417,7 +417,7 @@ class Bodies:
         return all(self._apart(one, other, gap, places) for gap, one, other in left)
 
     def _enclosing(self, where: Placements, pairs: Indices) -> bool:
-        """Whether in some pairs, whose surfaces are apart, a body encloses the other."""
+        """Whether a body encloses the other in any of some pairs, whose surfaces are apart."""
         places = Places(where)
         return any(
             self._encloses(one, other, places)
@@ -463,8 +463,8 @@ class Bodies:
         return self._exact(*self._two[k], places)[0]
 
     def spans(self, where: Placements, k: int, normals: Array) -> Array:
-        """How far apart the hulls of two parts are along directions, (m, 3), each at its own
-        configuration, (m,): no more than their distance; (m,).
+        """Distances of the hulls of two parts along directions, (m, 3), each at its own
+        configuration, (m,): no more than those of the parts; (m,).
         """
         one, other = self._two[k]
         reach = np.zeros(len(normals))
@@ -477,7 +477,7 @@ class Bodies:
         return np.asarray(-reach)
 
     def _functor(self, one: _Placed, other: _Placed, what: str) -> Any:
-        """What measures a pair of parts: bodies, hulls, or whether these come too near.
+        """A functor of coal for two parts: their distance, their hulls', or a test of nearness.
 
         New each time: what it was asked before changes its last digits.
         """
@@ -493,7 +493,7 @@ class Bodies:
         return self._measured(one, other, "hulls", places)[0]
 
     def _within(self, one: _Placed, other: _Placed, most: float, places: Places) -> bool:
-        """Whether the hulls of two parts may be nearer to each other than so much."""
+        """Whether the hulls of two parts are nearer to each other than so much, m, or about."""
         import coal
 
         request, result = coal.CollisionRequest(), coal.CollisionResult()
@@ -568,7 +568,7 @@ class Bodies:
 
 
 class Places:
-    """Where parts are in a configuration, for coal."""
+    """The placements of parts in a configuration, as coal takes them."""
 
     def __init__(self, where: Placements) -> None:
         """Nothing placed yet."""
@@ -576,7 +576,7 @@ class Places:
         self._known: dict[int, Any] = {}
 
     def __call__(self, part: _Placed) -> Any:
-        """Where one is."""
+        """The placement of a part."""
         import coal
 
         if id(part) not in self._known:

@@ -90,7 +90,7 @@ def configurations(
 
 
 def joint_columns(arms: Sequence[Arm]) -> Indices:
-    """Which numbers of a configuration are joint positions, (N,)."""
+    """Columns of configurations that are joint positions, (N,)."""
     edges = POSE + np.cumsum([0, *(POSE + arm.n for arm in arms)])
     return np.concatenate([
         edge + POSE + np.arange(arm.n) for edge, arm in zip(edges[:-1], arms, strict=True)
@@ -143,8 +143,8 @@ def _motions(arm: Arm, q: Array) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=64)
 def _constants(arm: Arm) -> tuple[Array, ...]:
-    """Of its joints: which turn, (n,); axes, (n, 3), their dyads and cross products, (n, 3, 3); and
-    their placements.
+    """Constants of an arm's joints: which turn, (n,); axes, (n, 3), their dyads and cross products,
+    (n, 3, 3); and the joints' placements.
     """
     axes = np.reshape([joint.axis for joint in arm.joints], (-1, 3))
     skew = np.cross(axes[:, None], np.eye(3)).transpose(0, 2, 1)

@@ -1,4 +1,4 @@
-"""What readers of robots' files find of the shapes of links."""
+"""The shapes of links as the reader of a robot's file finds them, and words about them."""
 
 from __future__ import annotations
 

@@ -24,8 +24,8 @@ from copose.problem import SCHEMA
 from copose.progress import stage
 from copose.robots import Arm, ArmStart
 from copose.setup.chains import FEWEST
+from copose.setup.grasps import Holding, choose
 from copose.setup.hands import Hand
-from copose.setup.holding import Holding, choose
 from copose.setup.layout import APART, Reach, bases, places
 from copose.setup.robots import NamedArm, RobotEntry, named_arms
 from copose.setup.text import ProblemText, number, placement, plain_line
