@@ -62,6 +62,7 @@ def made(
         solid = [[*point, 0.0] if flat else list(point) for point in (*bases, tip)]
         drawn = {
             name: {"skeleton": [solid[i], np.add(solid[i], 0.3).tolist(), solid[-1]],
+                   "quaternions": [[1.0, 0.0, 0.0, 0.0]] * 3,
                    "grasp": solid[-1], "ellipsoid": NOTHING}
             for i, name in enumerate(names)
         }  # fmt: skip

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import io
-import itertools
 import math
 import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 from matplotlib import rc_context
 from matplotlib.axes import Axes
@@ -19,6 +20,7 @@ from matplotlib.patches import PathPatch, Polygon
 from matplotlib.path import Path as MplPath
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from rich.console import Console
+from scipy.spatial import ConvexHull
 
 import copose
 from cells import closed_postures, tables
@@ -27,26 +29,40 @@ from copose.planning import Planner, evaluate
 from copose.planning.cell import Cell
 from copose.poses import Pose
 from copose.problem import parse
-from copose.report import compare, comparison_table, draw_comparison, picture, solution_table, style
+from copose.report import (
+    compare,
+    comparison_table,
+    draw_comparison,
+    picture,
+    polygons,
+    solution_table,
+    style,
+)
+from copose.report.camera import best_view
 from copose.report.cases import cases_figure
-from copose.report.frames import view_axes
+from copose.report.frames import View
+from copose.report.link_bodies import LinkBodies, LinkBody
+from copose.report.moves import moved_words
 from copose.report.planar import planar_figure
 from copose.report.ranges import ranges
 from copose.report.rows import case_rows
 from copose.report.shapes import cut
 from copose.report.spatial import spatial_figure
 from copose.report.style import panels
-from copose.report.surroundings import bodies, silhouette
+from copose.report.surroundings import bodies
 from copose.results import (
     CasePosture,
     CollisionRecord,
     FreeRecord,
+    LinkRecord,
     ObjectiveRecord,
     Posture,
+    ProblemRecord,
     Solution,
     matrix,
     to_json,
 )
+from reference import example
 
 # Offsets of the spatial result's answer to the file's pose, and the ranges they are free in.
 MOVED = {
@@ -166,32 +182,38 @@ def in_cases(count: int = 3, before: bool = True, planar: bool = False) -> Solut
     )
 
 
-def dressed(posture: Posture, distance: float = 0.0123, radius: float = 0.06) -> Posture:
-    """With prisms along the arms and a smallest distance."""
+def near(posture: Posture, distance: float = 0.0123) -> Posture:
+    """With a smallest distance."""
+    pair = CollisionRecord(distance=distance, pair=("left/link5", "table"))
+    return posture.model_copy(update={"collision": pair})
+
+
+def thick(solution: Solution, radius: float = 0.06) -> ProblemRecord:
+    """A planar problem whose links have a radius."""
     turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     ring = np.column_stack([np.cos(turn), np.sin(turn), 0 * turn]) / np.cos(np.pi / 16)
-    thick = np.array([0.0, 0.0, 0.1])
-    bodies = {
-        name: tuple(
-            matrix(np.vstack([end + radius * ring + up for end in ends for up in (-thick, thick)]))
-            for ends in np.array(list(itertools.pairwise(arm.skeleton)))
-        )
-        for name, arm in posture.arms.items()
-    }
-    pair = CollisionRecord(distance=distance, pair=("left/link5", "table"))
-    return posture.model_copy(update={"bodies": bodies, "collision": pair})
+    posture = solution.after or solution.cases[0]
+    links = []
+    for name, arm in posture.arms.items():
+        ends = np.array(arm.skeleton)[1:]
+        for k, length in enumerate(np.linalg.norm(np.diff(ends, axis=0), axis=1)):
+            points = np.vstack([radius * ring, radius * ring + [length, 0, 0]])
+            links.append(LinkRecord(arm=name, frame=k + 1, points=matrix(points)))
+    return solution.problem.model_copy(update={"links": tuple(links)})
 
 
 def fully(solution: Solution) -> Solution:
-    """Every posture dressed; those after are nearest."""
+    """With bodies of all links, and every posture with a smallest distance, less after."""
     some = {"before": 0.03, "after": 0.0123, "cases": 0.0123, "cases_before": 0.03}
     update: dict[str, object] = {}
+    if solution.problem.space.startswith("planar"):
+        update["problem"] = thick(solution)
     for key, distance in some.items():
         value = getattr(solution, key)
         if isinstance(value, tuple):
-            update[key] = tuple(dressed(p, distance + 0.01 * k) for k, p in enumerate(value))
+            update[key] = tuple(near(p, distance + 0.01 * k) for k, p in enumerate(value))
         elif value is not None:
-            update[key] = dressed(value, distance)
+            update[key] = near(value, distance)
     return solution.model_copy(update=update)
 
 
@@ -395,7 +417,7 @@ def scenes(monkeypatch: pytest.MonkeyPatch) -> Callable[[Solution], list[tuple[A
             super().__init__(verts, **more)
             self.given = [np.array(each) for each in verts]
 
-    monkeypatch.setattr("copose.report.spatial_scene.Poly3DCollection", Known)
+    monkeypatch.setattr("copose.report.polygons.Poly3DCollection", Known)
 
     def found(solution: Solution) -> list[tuple[Axes, list]]:
         shown = [ax for ax in spatial_figure(panels(solution), "").axes if ax.name == "3d"]
@@ -493,38 +515,124 @@ class TestSurroundings:
                 beyond = points[-1] + 0.062 * tip / np.linalg.norm(tip)
                 assert not any(part.contains_point(beyond) for part in parts)
 
-    def test_links_in_space(self, scenes: Callable) -> None:
-        """No point of a link is seen outside its silhouette."""
-        right_up = view_axes()[:2]
-        part = np.array(fully(placed()).before.bodies["left"][3])
-        edge = silhouette(part, part @ right_up.T)
-        seen = edge @ right_up.T
-        for (x, y), step in zip(seen, np.roll(seen, -1, axis=0) - seen, strict=True):
-            away = (part @ right_up.T - [x, y]) @ [-step[1], step[0]]
-            assert away.min() >= -1e-12
-        _, given = scenes(fully(placed()))[0]
-        assert sum(len(each) == len(edge) and np.allclose(each, edge) for each in given) == 1
-        flat = part[:3] * [1, 1, 0]
-        assert len(silhouette(flat, np.zeros((3, 2)))) == 0
+    def test_links_in_space(self) -> None:
+        """Bodies reach as far as the meshes do where Pinocchio has them, within a few mm."""
+        solution, arm = placed(), spatial_cell(True)["arms"][0]
+        file = example(arm["urdf"].removeprefix("example-robot-data://"))
+        model = pin.buildModelFromUrdf(str(file))
+        shapes = pin.buildGeomFromUrdf(
+            model, str(file), pin.GeometryType.COLLISION, package_dirs=[str(example("").parents[1])]
+        )
+        q = pin.neutral(model)
+        q[: len(solution.after.joints["left"])] = solution.after.joints["left"]
+        data, places = model.createData(), shapes.createData()
+        pin.updateGeometryPlacements(model, data, shapes, places, q)
+        truth = [
+            np.array([place.act(corner) for corner in corners_of(each.geometry)])
+            for each, place in zip(shapes.geometryObjects, places.oMg, strict=True)
+        ]
+        drawn = [b for b in LinkBodies.of(solution.problem).placed(solution.after)
+                 if b.arm == "left"]  # fmt: skip
+        assert len(drawn) == len(truth)
+        directions = np.random.default_rng(0).normal(size=(50, 3))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        reaches = [
+            np.sort([(points @ directions.T).max(axis=0) for points in some], axis=0)
+            for some in (truth, [body.points for body in drawn])
+        ]
+        assert np.all(reaches[1] <= reaches[0] + 2e-5)
+        assert np.all(reaches[1] >= reaches[0] - 8e-3)
+        # Faces look outwards.
+        for body in drawn:
+            assert np.all(body.points @ body.normals.T <= body.offsets + 1e-9)
 
-    def test_parts_with_other_numbers_of_corners(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        """Polygons drawn together have as many corners each: limits of axes would count what is
-        not set of the others."""
-        from copose.report import spatial_scene
+    def test_bodies_are_drawn_but_for_sticks(self, scenes: Callable) -> None:
+        bodies_of = LinkBodies.of(placed().problem).placed(placed().after)
+        corners = {tuple(np.round(p, 6)) for body in bodies_of for p in body.points}
+        sticks = placed().problem.model_copy(update={"links": ()})
+        for problem, least, most in ((placed().problem, 0.4, 1.0), (sticks, 0.0, 0.0)):
+            _, given = scenes(placed().model_copy(update={"problem": problem}))[-1]
+            seen = {tuple(np.round(p, 6)) for face in given for p in face}
+            assert least <= len(seen & corners) / len(corners) <= most
+            # Polygons drawn together have as many corners each.
+            assert len({len(face) for face in given}) == 1
+        assert picture(placed(), "png") != picture(placed(), "png", "sticks")
 
-        drawn: list[set[int]] = []
+    @pytest.mark.parametrize("corners", [3, 4, 7])
+    def test_pieces(self, corners: int) -> None:
+        """Are as large as the whole, and none has a long side."""
+        turn = np.arange(corners) * 2 * np.pi / corners
+        plane = np.array([[1.0, 2.0, 0.5], [-1.0, 0.2, 1.0]])
+        face = np.column_stack([np.cos(turn), 2 * np.sin(turn)]) @ plane
+        pieces = polygons._pieces(face, 0.3)
+        longest = max(np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1).max() for p in pieces)
+        assert longest <= 0.3 + 1e-12
+        assert sum(map(area, pieces)) == pytest.approx(area(face))
 
-        def kept(faces: list[np.ndarray], **looks: object) -> Poly3DCollection:
-            drawn.append({len(face) for face in faces})
-            return Poly3DCollection(faces, **looks)
+    def test_the_view_shows_what_a_wall_hides(self) -> None:
+        """A wall between the usual eye and two hands; beside it they are seen."""
 
-        monkeypatch.setattr(spatial_scene, "Poly3DCollection", kept)
-        rng = np.random.default_rng(0)
-        parts = tuple(matrix(0.1 * rng.normal(size=(k, 3))) for k in (4, 40, 400))
-        solution = fully(placed())
-        posture = solution.after.model_copy(update={"bodies": {"left": parts}})
-        spatial_figure(panels(solution.model_copy(update={"after": posture})), "")
-        assert drawn and all(len(lengths) == 1 for lengths in drawn)
+        def block(x: float, y: float, half: tuple[float, float, float], last: bool) -> LinkBody:
+            signs = 2 * np.array([*np.ndindex(2, 2, 2)]) - 1
+            solid = ConvexHull([x, y, 0] + half * signs)
+            faces = solid.points[solid.simplices]
+            return LinkBody("arm", 3, last, faces, solid.equations[:, :3])
+
+        eye, hands = View().axes[2], [block(x, 0, (0.1, 0.1, 0.1), True) for x in (-0.2, 0.2)]
+        wall = block(*(0.5 * eye[:2]), (0.5, 0.05, 0.6), False)
+        assert best_view([(hands, np.zeros((1, 3)))]) == View()
+        chosen = best_view([([*hands, wall], np.zeros((1, 3)))])
+
+        def hidden(view: View) -> float:
+            """Share of rays from the hands that meet the wall, stepwise."""
+            rays = np.vstack([h.points for h in hands])[:, None] + (
+                np.linspace(0, 3, 500)[:, None] * view.axes[2]
+            )
+            inside = (rays @ wall.normals.T <= wall.offsets).all(axis=2).any(axis=1)
+            return float(inside.mean())
+
+        assert hidden(View()) > 0.5
+        assert hidden(chosen) < 0.1
+
+    def test_moves(self) -> None:
+        """The joints that move most are named with how far, the farthest first."""
+        solution = placed()
+        words = moved_words(solution)
+        found = re.findall(r"(\w+) (panda_joint\d) ([+-][\d.]+)", words)
+        moves = {
+            (arm, name): after - before
+            for arm, names in solution.joint_names.items()
+            for name, before, after in zip(
+                names, solution.before.joints[arm], solution.after.joints[arm], strict=True
+            )
+        }
+        largest = sorted(moves, key=lambda key: -abs(moves[key]))[:4]
+        assert [(arm, name) for arm, name, _ in found] == largest
+        assert [float(x) for *_, x in found] == [round(moves[key], 2) for key in largest]
+        assert moved_words(solution.model_copy(update={"before": None})) == ""
+        assert moved_words(solution.model_copy(update={"before": solution.after})) == ""
+
+
+def corners_of(shape: object) -> np.ndarray:
+    """Of a mesh or a box."""
+    if isinstance(shape, coal.Box):
+        return shape.halfSide * (2 * np.array([*np.ndindex(2, 2, 2)]) - 1)
+    return shape.vertices()
+
+
+def area(corners: np.ndarray) -> float:
+    """Of a flat polygon."""
+    return float(
+        np.linalg.norm(
+            sum(
+                np.cross(a, b)
+                for a, b in zip(
+                    corners - corners[0], np.roll(corners, -1, axis=0) - corners[0], strict=True
+                )
+            )
+        )
+        / 2
+    )
 
 
 class TestPictures:

@@ -98,11 +98,15 @@ def test_check_draws_bodies_and_frames(here: Path, capsys) -> None:
         assert main(["check", f"{name}.toml", "--figure", f"{name}.png"]) == 0
         assert (here / f"{name}.png").read_bytes().startswith(b"\x89PNG")
         problem = copose.load(f"{name}.toml")
-        (ax,) = start_figure(problem, copose.check(problem).starts).axes
+        starts = copose.check(problem).starts
+        (ax,) = start_figure(problem, starts).axes
         assert {text.get_text() for text in ax.texts} == named
         if name == "pandas":
-            # What is seen of every link's hull, of each of the two robots, beside the object.
-            assert len(ax.collections) >= 2 * 9
+            # Some faces of every link, of each of the two robots, beside the object.
+            (drawn,) = ax.collections
+            (sticks,) = start_figure(problem, starts, bodies=False).axes[0].collections
+            faces, fewer = (len(each.get_facecolor()) for each in (drawn, sticks))
+            assert faces - fewer >= 2 * 9 * 10
     out, err = capsys.readouterr()
     assert "written to flat.png" in out and err == ""
 

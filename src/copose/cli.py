@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from copose.problem import Problem
+    from copose.report.picture import Style
     from copose.results import Motion, Solution
 
 SOLVED, WRONG_INPUT, INFEASIBLE, FAILED = 0, 2, 3, 4
@@ -123,6 +124,7 @@ def _parser() -> argparse.ArgumentParser:
         "--figure", type=Path, metavar="FILE", default=Path("compare.png"),
         help="the picture, a .png, .pdf or .svg (default: compare.png)",
     )  # fmt: skip
+    _add_style(compare)
     _add_telling(compare)
     compare.set_defaults(run=_compare)
 
@@ -140,6 +142,7 @@ def _parser() -> argparse.ArgumentParser:
         "--figure", type=Path, metavar="FILE",
         help="draw bodies and frames at the start into a .png, .pdf or .svg",
     )  # fmt: skip
+    _add_style(check)
     _add_telling(check)
     return parser
 
@@ -198,8 +201,16 @@ def _add_outputs(command: argparse.ArgumentParser, beside: tuple[str, ...], figu
         help=f"folder for {', '.join(others)} and {last} (default: the problem's name)",
     )  # fmt: skip
     command.add_argument("--figure", type=Path, metavar="FILE", help=figure)
+    _add_style(command)
     _add_telling(command)
     command.add_argument("--json", action="store_true", help="print the result instead of a table")
+
+
+def _add_style(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--style", choices=("bodies", "sticks"), default="bodies",
+        help="how pictures show arms in space (default: bodies)",
+    )  # fmt: skip
 
 
 def _add_search(command: argparse.ArgumentParser) -> None:
@@ -338,15 +349,16 @@ def _path(arguments: argparse.Namespace) -> int:
         makers: dict[str, Callable[[], bytes]] = {
             _TRAJECTORY: lambda: trajectory_csv(motion).encode(),
             _ROS: lambda: joint_trajectory_yaml(motion).encode(),
-            _WAY: lambda: motion_picture(motion, "png"),
-            _FILM: lambda: motion_animation(motion),
+            _WAY: lambda: motion_picture(motion, "png", arguments.style),
+            _FILM: lambda: motion_animation(motion, arguments.style),
         }
         solved = motion.status == "solved"
         beside = {name: make for name, make in makers.items() if solved and wanted[name]}
         if watch.interrupted:
             quick = {name: beside[name] for name in (_TRAJECTORY, _ROS) if name in beside}
             return _interrupted(motion, folder, quick)
-        _write(motion, folder, beside, arguments.figure if solved else None)
+        figure = arguments.figure if solved else None
+        _write(motion, folder, beside, figure, arguments.style)
     return _say(motion, motion_table(motion), folder, arguments)
 
 
@@ -379,7 +391,7 @@ def _compare(arguments: argparse.Namespace) -> int:
         found = compare(one, other, (str(files[0]), str(files[1])))
         stage("drawing")
         with _spared(arguments.figure):
-            draw_comparison(found, arguments.figure)
+            draw_comparison(found, arguments.figure, arguments.style)
     if not arguments.quiet:
         _print(comparison_table(found))
         _print_place(arguments.figure)
@@ -402,7 +414,7 @@ def _check(arguments: argparse.Namespace) -> int:
         if figure is not None:
             stage("drawing")
             with _spared(figure):
-                draw_start(problem, found.starts, figure)
+                draw_start(problem, found.starts, figure, arguments.style)
     _print(chains(problem, found.starts, found.notes, way))
     if figure is not None:
         _print_place(figure)
@@ -484,8 +496,8 @@ def _write_solution(solution: Solution, folder: Path, arguments: argparse.Namesp
     from copose.report import picture
 
     solved = solution.status == "solved"
-    beside = {_PICTURE: lambda: picture(solution, "png")} if solved else {}
-    _write(solution, folder, beside, arguments.figure)
+    beside = {_PICTURE: lambda: picture(solution, "png", arguments.style)} if solved else {}
+    _write(solution, folder, beside, arguments.figure, arguments.style)
 
 
 def _say_solution(solution: Solution, folder: Path, arguments: argparse.Namespace) -> int:
@@ -498,7 +510,8 @@ def _write(
     answer: Solution | Motion,
     folder: Path,
     beside: Mapping[str, Callable[[], bytes]],
-    figure: Path | None,
+    figure: Path | None = None,
+    style: Style = "bodies",
 ) -> None:
     """A result, then what lies beside it in place of an earlier run's, and a figure elsewhere."""
     from copose.report import draw
@@ -516,7 +529,7 @@ def _write(
                 write_file(folder / name, make())
         if figure is not None:
             with _spared(figure):
-                draw(answer, figure)
+                draw(answer, figure, style)
 
 
 @contextlib.contextmanager
@@ -628,7 +641,7 @@ def _interrupted(
     written = ""
     if answer.status == "solved":
         with sheltered():
-            _write(answer, folder, beside, None)
+            _write(answer, folder, beside)
         written = f": the best so far is in {folder / _RESULT}"
     _tell(f"interrupted{written}")
     return interrupt.INTERRUPTED

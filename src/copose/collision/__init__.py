@@ -9,7 +9,8 @@ from copose.collision.carriers import (
     configurations,
     joint_columns,
 )
-from copose.collision.scene import Scene
+from copose.collision.outlines import Outline, link_outlines
+from copose.collision.scene import Scene, link_solids
 from copose.collision.solids import Mesh, Part, Primitive, Solid
 
 __all__ = [
@@ -17,6 +18,7 @@ __all__ = [
     "Carrier",
     "Mesh",
     "Nearest",
+    "Outline",
     "Part",
     "Placements",
     "Places",
@@ -28,4 +30,6 @@ __all__ = [
     "carriers_of",
     "configurations",
     "joint_columns",
+    "link_outlines",
+    "link_solids",
 ]

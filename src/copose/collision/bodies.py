@@ -16,7 +16,6 @@ from copose.collision.carriers import (
     Placements,
     carrier_poses,
     carriers_of,
-    configurations,
 )
 from copose.collision.solids import Mesh, Part, Solid
 from copose.poses import Array, Indices, Mask, Pose
@@ -33,11 +32,6 @@ TOLERANCES, _ABSURD, _TOUCHING = (1e-10, 1e-6, 1e-4), 1e6, 1e-9
 _FEW = 500
 # By what share squares of distances of balls may be rounded.
 _CAUTION = 1e-9
-# Directions in which outlines reach as far as bodies do: in the plane, and in space.
-_TURNS = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
-_AROUND = np.column_stack([np.cos(_TURNS), np.sin(_TURNS), np.zeros(24)])
-_CUBE = np.array([d for d in np.ndindex(5, 5, 5) if {0, 4} & set(d)]) - 2.0
-_ABOUT = _CUBE / np.linalg.norm(_CUBE, axis=1, keepdims=True)
 
 
 @dataclass(frozen=True)
@@ -349,34 +343,6 @@ class Bodies:
         near = near[self.hull_distances(where, near) <= 0]
         hit = next((k for k in near if self.distances(where, np.array([k]))[0] <= 0), None)
         return None if hit is None else self.names(int(hit))
-
-    def outlines(self, x: Array, i: int) -> list[Array]:
-        """Points, (k, 3) each, in the world, whose hull is about that of each part of what arm i
-        carries in a configuration, (size,).
-        """
-        where = self.placed(x[None])[0]
-        return [
-            corners @ where.rotations[carrier].T + where.positions[carrier]
-            for arm, carrier, corners in self._outermost
-            if arm == i
-        ]
-
-    @cached_property
-    def _outermost(self) -> list[tuple[int, int, Array]]:
-        """The arm, the carrier and the outline, in the carrier's frame, of all parts."""
-        at_zero = configurations(self._arms, [Pose.from_rpy()] * len(self._arms),
-                                 [None] * len(self._arms), Pose.from_rpy())  # fmt: skip
-        where = self.placed(at_zero)[0]
-        found = []
-        for solid, parts in zip(self.solids, self._parts, strict=True):
-            for part in parts:
-                directions = (_AROUND if self._planar else _ABOUT) @ where.rotations[part.carrier]
-                corners, beyond = part.part.shape.hull
-                corners = corners @ part.pose.rotation.T + part.pose.position
-                outermost = (corners @ directions.T).argmax(axis=0)
-                outline = np.unique(corners[outermost] + beyond * directions, axis=0)
-                found.append((solid.carrier.arm, part.carrier, outline))
-        return found
 
     # How it is answered
 

@@ -11,30 +11,13 @@ import numpy as np
 from copose.collision.carriers import Carrier
 from copose.collision.ignored import ignored_links
 from copose.collision.link_shapes import LinkShapes
-from copose.collision.solids import Solid
+from copose.collision.solids import LinkSolids, Solid
 from copose.errors import InputError, arm_key, together
 from copose.poses import Array, Pose
 from copose.problem import Problem, RobotArm
 from copose.robots import Arm
 from copose.robots.robot import Robot, RobotsRead, joint_faults, read_robot
 from copose.robots.tree import Tree
-
-
-@dataclass(frozen=True, eq=False)
-class RobotSolids:
-    """The solids of all robots' arms.
-
-    Attributes:
-        solids: links that have a shape; robot by robot the static ones, then those of its arms.
-        mounts: (arm, name) of the static solids that an arm's first joint hangs on.
-        ignored: names of two solids that nothing tests.
-        notes: which shapes could not be read, and what else is doubtful.
-    """
-
-    solids: tuple[Solid, ...]
-    mounts: frozenset[tuple[int, str]]
-    ignored: frozenset[frozenset[str]]
-    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +121,7 @@ class _Team:
         return locked
 
 
-def robot_solids(problem: Problem, arms: Sequence[Arm]) -> RobotSolids:
+def robot_solids(problem: Problem, arms: Sequence[Arm]) -> LinkSolids:
     """The solids of a problem's robots.
 
     Raises:
@@ -180,7 +163,7 @@ def robot_solids(problem: Problem, arms: Sequence[Arm]) -> RobotSolids:
             if not any(s.carrier.kind == "joint" and s.carrier.arm == member.number for s in found):
                 raise _without_shape(team, member)
     notes += [note for links in shapes.values() for note in (*links.notes, *links.large)]
-    return RobotSolids(tuple(solids), frozenset(mounts), frozenset(ignored), tuple(notes))
+    return LinkSolids(tuple(solids), frozenset(mounts), frozenset(ignored), tuple(notes))
 
 
 def large_links(problem: Problem) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from copose.collision.bodies import Bodies
 from copose.collision.carriers import OBJECT, WORLD, Carrier, configurations
 from copose.collision.pairs import possible_pairs
-from copose.collision.solids import Part, Primitive, Solid
+from copose.collision.solids import LinkSolids, Part, Primitive, Solid
 from copose.errors import InputError
 from copose.poses import Array, Indices, Mask, Pose
 from copose.problem import PlanarArm, Problem
@@ -52,23 +52,8 @@ class Scene:
 
     @classmethod
     def _of(cls, problem: Problem, arms: Sequence[Arm]) -> Scene:
-        solids: list[Solid] = []
-        mounts: frozenset[tuple[int, str]] = frozenset()
-        ignored: frozenset[frozenset[str]] = frozenset()
-        notes: list[str] = []
-        if problem.space.planar:
-            for i, spec in enumerate(problem.arms):
-                if isinstance(spec, PlanarArm):
-                    solids += _planar_links(spec, i)
-        else:
-            # Pinocchio takes a quarter of a second to load, which planar problems need not wait
-            # for.
-            from copose.collision.robot_solids import robot_solids
-
-            robots = robot_solids(problem, arms)
-            solids += robots.solids
-            mounts, ignored = robots.mounts, robots.ignored
-            notes += robots.notes
+        links = link_solids(problem, arms)
+        solids, notes = [*links.solids], [*links.notes]
         if problem.object.shape is None:
             notes.append("the object has no shape: nothing is tested against it")
         else:
@@ -77,8 +62,8 @@ class Scene:
             solids.append(_alone(obstacle.name, WORLD, obstacle.pose, obstacle.shape))
         names = [solid.name for solid in solids]
         tested = [
-            (i, j) for i, j in possible_pairs(solids, arms, mounts)
-            if frozenset((names[i], names[j])) not in ignored
+            (i, j) for i, j in possible_pairs(solids, arms, links.mounts)
+            if frozenset((names[i], names[j])) not in links.ignored
         ]  # fmt: skip
         pairs = np.reshape(tested, (-1, 2)).astype(np.intp)
         planar, clearance = problem.space.planar, problem.constraints.clearance
@@ -89,6 +74,21 @@ class Scene:
     def bodies(self, arms: Sequence[Arm], clearance: float) -> Bodies:
         """What is asked how near they come, carried by arms as in the problem."""
         return Bodies(self.solids, self.pairs, arms, clearance, planar=self.planar)
+
+
+def link_solids(problem: Problem, arms: Sequence[Arm]) -> LinkSolids:
+    """The links of all arms.
+
+    Raises:
+        InputError: an arm has no shape, or its robot cannot be read.
+    """
+    if problem.space.planar:
+        planar = [(i, spec) for i, spec in enumerate(problem.arms) if isinstance(spec, PlanarArm)]
+        return LinkSolids(tuple(solid for i, spec in planar for solid in _planar_links(spec, i)))
+    # Pinocchio takes a quarter of a second to load, which planar problems need not wait for.
+    from copose.collision.robot_solids import robot_solids
+
+    return robot_solids(problem, arms)
 
 
 def _planar_links(spec: PlanarArm, arm: int) -> Iterator[Solid]:

@@ -257,3 +257,20 @@ class Solid:
     carrier: Carrier
     placement: Pose
     parts: tuple[Part, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class LinkSolids:
+    """The links of all arms as solids.
+
+    Attributes:
+        solids: links that have a shape; robot by robot the static ones, then those of its arms.
+        mounts: (arm, name) of the static solids that an arm's first joint hangs on.
+        ignored: names of two solids that nothing tests.
+        notes: which shapes could not be read, and what else is doubtful.
+    """
+
+    solids: tuple[Solid, ...]
+    mounts: frozenset[tuple[int, str]] = frozenset()
+    ignored: frozenset[frozenset[str]] = frozenset()
+    notes: tuple[str, ...] = ()

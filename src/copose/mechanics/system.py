@@ -193,12 +193,6 @@ class ArmMechanics:
                 )
         return ""
 
-    @property
-    def skeleton(self) -> ca.SX:
-        """Points to draw the arm by: root, joint origins, tip; (3, n + 2), world."""
-        points = [ca.SX(3, 1), *(frame.position for frame in self.chain.frames)]
-        return ca.horzcat(*(self._in_world(point) for point in points), self.tip.position)
-
 
 @dataclass(frozen=True, eq=False)
 class System:

@@ -22,6 +22,7 @@ from copose.problem import PathSpec, Problem
 from copose.results import (
     JointRecord,
     Knot,
+    LinkRecord,
     Motion,
     ObjectiveRecord,
     PathSearchRecord,
@@ -96,7 +97,7 @@ class Answer:
         notes: list[str] = []
         extremes = []
         for k, setting in enumerate(course.settings):
-            measured = machinery.measure(setting, [mine[k] for mine in q], outlined=False)
+            measured = machinery.measure(setting, [mine[k] for mine in q])
             posture = measured.posture
             given = {key: getattr(posture, key) for key in posture.model_fields_set}
             values.append(measured.value)
@@ -135,6 +136,7 @@ class Answer:
             collision=seen.distance,
             least_norm=tracking,
             search=search,
+            links=machinery.links,
         )
 
     def _unheeded(self) -> list[str]:
@@ -182,6 +184,7 @@ class Answer:
         *,
         before: float | None = None,
         after: float | None = None,
+        links: tuple[LinkRecord, ...] = (),
         **keys: object,
     ) -> Motion:
         cell, problem, objective = self.cell, self.problem, self.objective
@@ -193,15 +196,7 @@ class Answer:
             fields
             | {
                 "copose": __version__,
-                "problem": ProblemRecord(
-                    name=problem.name,
-                    space=problem.task.space,
-                    shape=problem.object.shape,
-                    axes=tuple(problem.space.coordinates[i] for i in problem.axes),
-                    resolution=cell.resolution.name,
-                    torque_scaling=problem.ellipsoid.torque_scaling,
-                    obstacles=problem.obstacles,
-                ),
+                "problem": ProblemRecord.of(problem, links),
                 "notes": (*standing_notes(cell), *self.notes),
                 "objective": ObjectiveRecord(
                     kind=objective.kind, unit=objective.unit, before=before, after=after

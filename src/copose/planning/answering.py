@@ -18,6 +18,7 @@ from copose.results import (
     CasePosture,
     EllipsoidRecord,
     FreeRecord,
+    LinkRecord,
     ObjectiveRecord,
     Posture,
     ProblemRecord,
@@ -67,6 +68,7 @@ def answer(
     miss: Measurement | None = None,
     search: SearchRecord | None = None,
     reachable: bool | None = None,
+    links: tuple[LinkRecord, ...] = (),
 ) -> Solution:
     """The result of what was measured."""
     notes = (*standing_notes(cell), *notes)
@@ -80,15 +82,7 @@ def answer(
             notes += extreme_notes(cell, [one.extremes for one in each])
     return Solution(
         copose=__version__,
-        problem=ProblemRecord(
-            name=cell.problem.name,
-            space=cell.problem.task.space,
-            shape=cell.problem.object.shape,
-            axes=tuple(cell.problem.space.coordinates[i] for i in cell.problem.axes),
-            resolution=cell.resolution.name,
-            torque_scaling=cell.problem.ellipsoid.torque_scaling,
-            obstacles=cell.problem.obstacles,
-        ),
+        problem=ProblemRecord.of(cell.problem, links),
         status=status,
         reason=reason,
         notes=notes,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -17,7 +16,7 @@ from copose.planning.cell import Cell
 from copose.planning.constraints import Constraint
 from copose.planning.measuring import Measurement
 from copose.poses import Array, Indices, Pose
-from copose.results import CollisionRecord, matrix
+from copose.results import CollisionRecord
 
 # What programs keep beyond the clearance, m, for a row is exact to first order only; what then
 # counts as touching; and what they keep where the row's points are witnesses of where they end.
@@ -167,23 +166,18 @@ def in_the_way(bodies: Bodies, x: Array, pairs: Indices, *, every: bool) -> Bloc
     return Blocked(f"{a} and {b} {how}, at best", every or len(alike) >= _MANY)
 
 
-def with_collision(
-    cell: Cell, measured: Measurement, bodies: Bodies, *, outlined: bool = True
-) -> Measurement:
-    """A measured posture with its smallest distance and, if wanted, the outlines of its arms."""
+def with_collision(cell: Cell, measured: Measurement, bodies: Bodies) -> Measurement:
+    """A measured posture with its smallest distance."""
     joints = [np.array(q) for q in measured.posture.joints.values()]
     x = configurations_of(cell, joints)[0]
-    keys: dict[str, Any] = {}
-    if outlined:
-        keys["bodies"] = {arm.name: tuple(map(matrix, bodies.outlines(x, i)))
-                          for i, arm in enumerate(cell.arms)}  # fmt: skip
     nearest, notes = bodies.nearest(x), measured.notes
-    if nearest is not None:
-        keys["collision"] = CollisionRecord(distance=nearest.distance, pair=nearest.pair)
-        if nearest.distance < bodies.clearance:
-            both = " and ".join(nearest.pair)
-            notes += (f"{both} are nearer than the clearance, {bodies.clearance:g} m",)
-    posture = measured.posture.model_copy(update=keys)
+    if nearest is None:
+        return measured
+    record = CollisionRecord(distance=nearest.distance, pair=nearest.pair)
+    if nearest.distance < bodies.clearance:
+        both = " and ".join(nearest.pair)
+        notes += (f"{both} are nearer than the clearance, {bodies.clearance:g} m",)
+    posture = measured.posture.model_copy(update={"collision": record})
     return replace(measured, posture=posture, notes=notes)
 
 

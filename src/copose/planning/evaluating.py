@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -22,7 +21,7 @@ from copose.planning.placing import Placed
 from copose.poses import Array
 from copose.problem import Problem
 from copose.progress import Tell, stage, watched
-from copose.results import EllipsoidRecord, Posture, Solution, Timing
+from copose.results import EllipsoidRecord, LinkRecord, Posture, Solution, Timing, link_records
 
 # What a given posture may miss its grasp or a limit by before it counts as open.
 TOLERANCE = 1e-6
@@ -74,15 +73,20 @@ def _evaluated(
     measured = meter.measure(cell, q, everything=True)
     notes = margin_notes(cell, q)
     stage("measuring distances")
-    if problem.constraints.collision:
+    links: tuple[LinkRecord, ...] = ()
+    try:
         scene = Scene.of(cell.problem, cell.arms)
-        bodies = scene.bodies(cell.arms, problem.constraints.clearance)
-        measured = with_collision(cell, measured, bodies)
-        notes += scene.notes
+    except InputError:
+        # Robots without shapes are no fault where none is asked for.
+        if problem.constraints.collision:
+            raise
     else:
-        with contextlib.suppress(InputError):
-            scene = Scene.of(cell.problem, cell.arms)
-            bodies = scene.bodies(cell.arms, problem.constraints.clearance)
+        links = link_records(scene.solids, cell.arms, planar=scene.planar)
+        bodies = scene.bodies(cell.arms, problem.constraints.clearance)
+        if problem.constraints.collision:
+            measured = with_collision(cell, measured, bodies)
+            notes += scene.notes
+        else:
             notes += overlap_notes(cell, bodies, q)
     fault = next(_faults(cell, q, measured), None)
     placed = Placed((x,), (np.concatenate(q),), np.nan)
@@ -96,6 +100,7 @@ def _evaluated(
         after=after if fault is None else None,
         miss=measured if fault is not None else None,
         timing=Timing(build_s=built - began, search_s=time.perf_counter() - built),
+        links=links,
     )
 
 
@@ -176,7 +181,7 @@ def _differences(stated: Posture, measured: Posture) -> Iterator[str]:
             yield f"arms.{name} is missing"
             continue
         pairs.append((f"arms.{name}.ellipsoid", stated.arms[name].ellipsoid, arm.ellipsoid))
-        for key in ("skeleton", "grasp"):
+        for key in ("skeleton", "quaternions", "grasp"):
             if not _near(getattr(stated.arms[name], key), getattr(arm, key)):
                 yield f"arms.{name}.{key} does not follow from the joints"
         if abs(stated.closure_error.get(name, np.inf) - measured.closure_error[name]) > 1e-8:

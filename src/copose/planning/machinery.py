@@ -43,6 +43,7 @@ from copose.planning.program import Given, LocalSolve, PostureProgram
 from copose.planning.screening import Score
 from copose.poses import Array, Mask
 from copose.progress import stage
+from copose.results import LinkRecord, link_records
 
 # s
 _LOOK_AGAIN = 0.5
@@ -630,15 +631,21 @@ class Machinery:
         assert self.capacity is not None and holding is not None
         return objective.tightened(self.capacity, setting.cell, holding, self.split(q), demands)
 
-    def measure(
-        self, setting: Setting, joints: Sequence[Array], *, outlined: bool = True
-    ) -> Measurement:
-        """A posture as it is reported, by arm (n_i,); ``outlined`` for pictures."""
+    @cached_property
+    def links(self) -> tuple[LinkRecord, ...]:
+        """Outlines of the arms' links; none where a robot's shapes cannot be read."""
+        try:
+            return link_records(self.scene.solids, self.cell.arms, planar=self.scene.planar)
+        except InputError:
+            return ()
+
+    def measure(self, setting: Setting, joints: Sequence[Array]) -> Measurement:
+        """A posture as it is reported, by arm (n_i,)."""
         cell = setting.cell
         measured = self.meter.toward(setting.objective).measure(cell, joints)
         if self.bodies is None:
             return measured
-        return with_collision(cell, measured, self.bodies, outlined=outlined)
+        return with_collision(cell, measured, self.bodies)
 
     def overlap(self, cell: Cell, joints: Sequence[Array]) -> tuple[str, ...]:
         """A note where bodies overlap at a posture, by arm (n_i,), that nothing keeps apart."""

@@ -185,6 +185,7 @@ class PlacedRun:
             miss=miss,
             search=_record(run.cell, found, run.seed, effort, value, verification),
             timing=run.timing,
+            links=run.machinery.links,
         )
 
     def _why(

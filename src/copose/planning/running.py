@@ -119,6 +119,7 @@ class Run:
             after=after,
             search=self._record(found, self.seed, effort, after.value),
             timing=self.timing,
+            links=self.machinery.links,
         )
 
     def _searched(self, effort: EffortName, verify: bool, so_far: _SoFar) -> Solution:
@@ -179,6 +180,7 @@ class Run:
                 verification,
             ),
             timing=self.timing,
+            links=self.machinery.links,
             reachable=reached.whole,
         )
 
@@ -216,6 +218,7 @@ class Run:
             miss=miss,
             search=self._record(found, self.seed, effort, None),
             timing=self.timing,
+            links=self.machinery.links,
         )
 
     def _reached(
@@ -263,6 +266,7 @@ class Run:
             after=after,
             search=self._record(found, self.seed, "local", value),
             timing=self.timing,
+            links=self.machinery.links,
             reachable=None if within is None else True,
         )
 

@@ -16,7 +16,7 @@ from copose.capability import Ellipsoid
 from copose.poses import Array
 from copose.problem import SPACES
 from copose.report import style
-from copose.report.frames import frame, roomy, view_axes
+from copose.report.frames import View, frame, roomy
 from copose.report.legends import legend_below
 from copose.report.slices import Slice
 from copose.report.solids import Solid
@@ -193,7 +193,8 @@ def _solid(ax: Any, picture: SetPicture) -> None:
     """Three axes: back of the polyhedron, ellipsoid, front of it, outline of the ball."""
     ax.computed_zorder = False
     ax.set_proj_type("ortho")
-    view = view_axes()
+    seen = View()
+    view = seen.axes
     points = [np.zeros((1, 3)), picture.corners]
     solid = Solid.of(picture.corners)
     if solid is not None:
@@ -212,7 +213,7 @@ def _solid(ax: Any, picture: SetPicture) -> None:
         ax.plot(*circle.T, color=style.INK, linewidth=1.3, linestyle=":", zorder=6,
                 label=_LABELS["ball"])  # fmt: skip
     _points(ax, picture, zorder=7)
-    frame(ax, *roomy(np.vstack(points)), _labels(picture), whole=True)
+    frame(ax, *roomy(np.vstack(points)), _labels(picture), seen, whole=True)
 
 
 def _shell(ax: Any, solid: Solid, view: Array) -> None:

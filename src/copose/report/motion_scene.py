@@ -14,7 +14,10 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 from copose.poses import Array
 from copose.problem import SPACES
 from copose.report import legends, planar_scene, spatial_scene, style
-from copose.report.frames import frame, roomy
+from copose.report.camera import best_view
+from copose.report.frames import View, frame, roomy
+from copose.report.link_bodies import LinkBodies
+from copose.report.polygons import Polygons
 from copose.report.surroundings import bodies
 from copose.results import Knot, Motion
 
@@ -33,6 +36,8 @@ class MotionScene:
         knots: its postures.
         planar: whether it moves in the plane.
         near: the box around arms and objects, (2, d).
+        links: bodies of the arms.
+        view: where it is seen from.
         low: the least coordinates of the axes; ``high`` the largest.
     """
 
@@ -40,6 +45,8 @@ class MotionScene:
     knots: tuple[Knot, ...]
     planar: bool
     near: Array
+    links: LinkBodies
+    view: View
     low: Array
     high: Array
 
@@ -50,11 +57,18 @@ class MotionScene:
         planar = SPACES[motion.problem.space].planar
         scene = planar_scene if planar else spatial_scene
         points = np.vstack([scene.posture_points(knot, motion) for knot in motion.knots])
+        links, view = LinkBodies((), frozenset()), View()
+        if not planar:
+            links, ends = LinkBodies.of(motion.problem), (motion.knots[0], motion.knots[-1])
+            around = [links.placed(knot) for knot in ends]
+            points = np.vstack([points, *(body.points for some in around for body in some)])
+            things = [spatial_scene.object_points(knot, motion) for knot in ends]
+            view = best_view(list(zip(around, things, strict=True)))
         near = np.array([points.min(axis=0), points.max(axis=0)])
         known = np.vstack([near, *(body.points for body in bodies(motion, *near))])
         size = float(np.ptp(near, axis=0).max())
         low, high = planar_scene.roomy(known, size) if planar else roomy(known)
-        return cls(motion, motion.knots, planar, near, low, high)
+        return cls(motion, motion.knots, planar, near, links, view, low, high)
 
     @property
     def _scene(self) -> Any:
@@ -76,12 +90,10 @@ class MotionScene:
             ax.set_ylabel("y, m")
             ax.tick_params(labelsize=9)
         else:
-            for body in bodies(self.motion, *self.near):
-                spatial_scene.draw_body(ax, body)
             ax.plot(*way.T, color=style.INK, linewidth=1.2, zorder=spatial_scene.ON_TOP)
             ax.plot(*way[:1].T, color=style.INK, marker="o", markersize=5, markerfacecolor="white",
                     zorder=spatial_scene.ON_TOP)  # fmt: skip
-            frame(ax, self.low, self.high, ("x, m", "y, m", "z, m"))
+            frame(ax, self.low, self.high, ("x, m", "y, m", "z, m"), self.view)
             ax.patch.set_visible(False)
             self._fill(ax)
         return ax
@@ -113,8 +125,18 @@ class MotionScene:
                       **legends.SMALL)  # fmt: skip
 
     def posture(self, ax: Any, k: int) -> None:
-        """Arms and object at a knot."""
-        self._scene.draw_posture(ax, self.knots[k], self.motion)
+        """Arms, object and obstacles at a knot."""
+        knot = self.knots[k]
+        if self.planar:
+            planar_scene.draw_posture(ax, knot, self.motion)
+            return
+        size = float((self.high - self.low).max())
+        polygons = Polygons(self.view, spatial_scene.PIECE * size)
+        for body in bodies(self.motion, *self.near):
+            spatial_scene.draw_body(ax, polygons, body, self.view)
+        links = self.links.placed(knot)
+        spatial_scene.draw_posture(ax, polygons, knot, self.motion, links, size)
+        polygons.draw(ax)
 
     def ghosts(self, ax: Any, ks: list[int]) -> None:
         """Arms and object at some knots, light to dark."""

@@ -12,11 +12,11 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
 from copose.errors import InputError
 from copose.problem import SPACES, Problem
-from copose.report import style
+from copose.report import style as looks
 from copose.report.comparing import Comparison
 from copose.report.rows import Row, case_rows, result_row
 from copose.results import Motion, Solution, write_file
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = (".png", ".pdf", ".svg")
+# How arms in space are drawn.
+Style: TypeAlias = Literal["bodies", "sticks"]
+_Answer = TypeVar("_Answer", Solution, Motion)
 # Settings of Matplotlib are those of the whole process.
 _LOCK = threading.Lock()
 
@@ -42,43 +45,55 @@ def check_format(path: Path) -> None:
         )
 
 
-def picture(solution: Solution, kind: str) -> bytes:
+def picture(solution: Solution, kind: str, style: Style = "bodies") -> bytes:
     """A result's picture as a file's content.
 
     Args:
         solution: with at least one posture.
         kind: png, pdf or svg.
+        style: how arms in space are drawn.
     """
-    heading = style.heading(solution)
-    return _rendered(style.panels(solution), case_rows(solution), heading, kind)
+    solution = _styled(solution, style)
+    heading = looks.heading(solution)
+    return _rendered(looks.panels(solution), case_rows(solution), heading, kind)
 
 
-def motion_picture(motion: Motion, kind: str) -> bytes:
+def motion_picture(motion: Motion, kind: str, style: Style = "bodies") -> bytes:
     """A motion's picture as a file's content.
 
     Args:
         motion: with knots.
         kind: png, pdf or svg.
+        style: how arms in space are drawn.
     """
     with _drawing():
         from copose.report.motion_figure import motion_figure
 
-        return _saved(motion_figure(motion), kind)
+        return _saved(motion_figure(_styled(motion, style)), kind)
 
 
-def motion_animation(motion: Motion) -> bytes:
+def motion_animation(motion: Motion, style: Style = "bodies") -> bytes:
     """A motion in real time as the content of a .gif file.
 
     Args:
         motion: with knots.
+        style: how arms in space are drawn.
     """
     with _drawing():
         from copose.report.motion_film import film
 
-        return film(motion)
+        return film(_styled(motion, style))
 
 
-def _rendered(panels: list[style.Panel], rows: list[Row], heading: str, kind: str) -> bytes:
+def _styled(answer: _Answer, style: Style) -> _Answer:
+    """An answer, for sticks without its arms' bodies."""
+    if style == "bodies":
+        return answer
+    problem = answer.problem.model_copy(update={"links": ()})
+    return answer.model_copy(update={"problem": problem})
+
+
+def _rendered(panels: list[looks.Panel], rows: list[Row], heading: str, kind: str) -> bytes:
     """The rows where there are some, else the panels."""
     with _drawing():
         from copose.report.cases import cases_figure
@@ -110,7 +125,7 @@ def _drawing() -> Iterator[None]:
             del defaults["backend"]
             # A name in a script that the font lacks is drawn as boxes; there is no more to say.
             warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-            with matplotlib.rc_context(defaults | style.RC):
+            with matplotlib.rc_context(defaults | looks.RC):
                 yield
         finally:
             chatter.setLevel(level)
@@ -143,8 +158,14 @@ def _saved(figure: Figure, kind: str) -> bytes:
     return sink.getvalue()
 
 
-def draw(solution: Solution | Motion, path: str | Path) -> None:
+def draw(solution: Solution | Motion, path: str | Path, style: Style = "bodies") -> None:
     """Draw a result's postures, or a motion, into a .png, .pdf or .svg file.
+
+    Args:
+        solution: what is drawn.
+        path: the file.
+        style: how arms in space are drawn: by their links' convex hulls, or as sticks between
+            their joints.
 
     Raises:
         InputError: the file cannot be written, or the result has no posture to draw.
@@ -154,14 +175,16 @@ def draw(solution: Solution | Motion, path: str | Path) -> None:
     if isinstance(solution, Motion):
         if solution.knots is None:
             raise InputError(f"no motion to draw: {solution.reason}")
-        write_file(file, motion_picture(solution, file.suffix.lower()[1:]))
+        write_file(file, motion_picture(solution, file.suffix.lower()[1:], style))
         return
-    if not style.panels(solution) and not case_rows(solution):
+    if not looks.panels(solution) and not case_rows(solution):
         raise InputError(f"no posture to draw: {solution.reason}")
-    write_file(file, picture(solution, file.suffix.lower()[1:]))
+    write_file(file, picture(solution, file.suffix.lower()[1:], style))
 
 
-def draw_start(problem: Problem, starts: Sequence[ArmStart], path: str | Path) -> None:
+def draw_start(
+    problem: Problem, starts: Sequence[ArmStart], path: str | Path, style: Style = "bodies"
+) -> None:
     """Draw arms at their starts, with the frames of object, tips and grasps, into a .png, .pdf or
     .svg file.
 
@@ -173,11 +196,12 @@ def draw_start(problem: Problem, starts: Sequence[ArmStart], path: str | Path) -
     with _drawing():
         from copose.report.start_figure import start_figure
 
-        content = _saved(start_figure(problem, starts), file.suffix.lower()[1:])
+        figure = start_figure(problem, starts, bodies=style == "bodies")
+        content = _saved(figure, file.suffix.lower()[1:])
     write_file(file, content)
 
 
-def draw_comparison(comparison: Comparison, path: str | Path) -> None:
+def draw_comparison(comparison: Comparison, path: str | Path, style: Style = "bodies") -> None:
     """Draw two results' postures side by side, each with the other's ellipsoid as an outline.
 
     Raises:
@@ -186,19 +210,20 @@ def draw_comparison(comparison: Comparison, path: str | Path) -> None:
     file = Path(path)
     check_format(file)
     names = dict.fromkeys(solution.problem.name for solution in comparison.solutions)
-    heading = " and ".join(style.short(name, 40) for name in names)
+    heading = " and ".join(looks.short(name, 40) for name in names)
     overlaid = comparison.same_unit and not comparison.cases
     if not comparison.same_unit:
         heading += " (torques scaled differently: each at its own scale"
         heading += ")" if comparison.cases else ", not overlaid)"
     rows: list[Row] = []
-    panels: list[style.Panel] = []
+    panels: list[looks.Panel] = []
     both = zip(comparison.names, comparison.solutions, comparison.postures, strict=True)
-    for name, solution, posture in both:
+    for name, told, posture in both:
+        solution = _styled(told, style)
         if comparison.cases:
             rows.append(result_row(name, solution))
         elif posture is not None:
-            panels.append(style.Panel(name, posture, solution))
+            panels.append(looks.Panel(name, posture, solution))
     if overlaid:
         one, other = panels
         panels = [replace(one, other=other), replace(other, other=one)]

@@ -15,11 +15,12 @@ from matplotlib.patheffects import withStroke
 from copose.poses import Array
 from copose.problem import PlanarObstacle
 from copose.report import legends, style
+from copose.report.link_bodies import flat_links
 from copose.report.ranges import ranges
 from copose.report.shapes import cut, outline
 from copose.report.slices import Slice, all_coordinates, linear_slice
 from copose.report.style import Drawn, Panel
-from copose.report.surroundings import bodies, link_points, links, silhouette
+from copose.report.surroundings import bodies
 from copose.results import PlanarPlace, Posture
 
 # The longest semi-axis drawn, as a share of the scene's larger side.
@@ -62,7 +63,8 @@ class Stage:
             points += [center + scale * part.surface[..., :2] for center, part, _ in parts]
         for panel in panels:
             points += [each.edges.reshape(-1, 2) for each in ranges(panel)]
-            points.append(link_points(panel.posture)[:, :2])
+            outlines = flat_links(panel.solution.problem, panel.posture)
+            points += [rim for rims in outlines.values() for rim in rims]
         known = np.vstack(points)
         return cls(placed, scales, size, known.min(axis=0), known.max(axis=0))
 
@@ -167,19 +169,18 @@ def draw_posture(ax: Axes, posture: Posture, solution: Drawn) -> None:
     ax.grid(True, color="#EEEEEE", linewidth=0.8)
     ax.set_axisbelow(True)
     center = np.array(posture.object.position)
-    for parts, color in links(posture).values():
+    colors = style.arm_colors(posture)
+    for name, corners in flat_links(solution.problem, posture).items():
         # In one piece, so that overlaps are no darker.
-        seen = [silhouette(part[:, :2], part[:, :2]) for part in parts]
-        rims = [Path(each[np.arange(len(each) + 1) % len(each)], closed=True)
-                for each in seen if len(each)]  # fmt: skip
-        ax.add_patch(PathPatch(Path.make_compound_path(*rims), facecolor=color, alpha=0.15,
+        rims = [Path(np.vstack([each, each[:1]]), closed=True) for each in corners]
+        ax.add_patch(PathPatch(Path.make_compound_path(*rims), facecolor=colors[name], alpha=0.15,
                                linewidth=0, zorder=1.5))  # fmt: skip
     rim = _outline(posture, solution)
     if rim is not None:
         ax.add_patch(
             Polygon(rim, facecolor=style.OBJECT, edgecolor=style.INK, linewidth=1, zorder=2)
         )
-    for name, color in style.arm_colors(posture).items():
+    for name, color in colors.items():
         arm = posture.arms[name]
         points = np.array(arm.skeleton)[:, :2]
         ax.plot(*points.T, color=color, linewidth=5, solid_capstyle="round",

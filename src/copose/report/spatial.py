@@ -12,6 +12,7 @@ from copose.poses import Array
 from copose.report import legends, style
 from copose.report.exact_sets import draw_set, set_pictures
 from copose.report.forces import holding_arrows
+from copose.report.moves import moved_words
 from copose.report.ranges import ranges
 from copose.report.shares import draw_shares, share_panels
 from copose.report.spatial_scene import Kind, Stage
@@ -26,6 +27,8 @@ def spatial_figure(panels: list[Panel], heading: str) -> Figure:
     """
     stage, sets, holding = Stage.of(panels), set_pictures(panels), share_panels(panels)
     kinds = stage.kinds
+    alone = len({id(panel.solution) for panel in panels}) == 1
+    moved = moved_words(panels[0].solution) if alone else ""
     # Shares stand beside the semi-axes where exact sets make the picture wide, else below them.
     apart = bool(holding) and not (sets and kinds)
     rows = [3.6] + [1.0] * bool(kinds) + [1.0] * apart
@@ -44,7 +47,7 @@ def spatial_figure(panels: list[Panel], heading: str) -> Figure:
         gap = 0.22 + 0.08 * lines
     grid = figure.add_gridspec(
         len(rows), 2 * len(panels), height_ratios=rows, left=0.03, right=0.94, bottom=bottom,
-        top=0.88, hspace=gap, wspace=0.3,
+        top=0.9 - 0.024 * max(0, len(kinds) + bool(moved) - 1), hspace=gap, wspace=0.3,
     )  # fmt: skip
     places = [grid[0, 2 * k : 2 * k + 2] for k in range(len(panels))]
     span = 2 * len(panels) // max(len(kinds), 1)
@@ -70,7 +73,8 @@ def spatial_figure(panels: list[Panel], heading: str) -> Figure:
             ax.legend(loc="upper right", frameon=False, fontsize=9)
         words = title(panel)
         highest = 0.96 if legends_below else 0.99
-        ax.set_title(words, loc="left", y=highest - 0.055 * words.count("\n"))
+        ax.set_title(words, loc="left", y=highest - 0.05 * words.count("\n"),
+                     fontsize=9.5 if "\n" in words else 11)  # fmt: skip
     for each, place in zip(sets, places[len(panels) :], strict=True):
         draw_set(figure, place, each, columns=3)
     for kind, place in zip(kinds, bars, strict=False):
@@ -78,8 +82,10 @@ def spatial_figure(panels: list[Panel], heading: str) -> Figure:
     if holding:
         draw_shares(figure.add_subplot(bars[-1]), holding, named=len(panels) > 1)
     figure.suptitle(heading, fontweight="bold", x=0.02, y=0.985, ha="left")
-    for k, kind in enumerate(kinds):
-        figure.text(0.02, 0.935 - 0.024 * k, kind.words(panels), fontsize=9.5, color=kind.color)
+    lines_above = [(kind.words(panels), kind.color) for kind in kinds]
+    lines_above += [(moved, style.INK)] if moved else []
+    for k, (words, color) in enumerate(lines_above):
+        figure.text(0.02, 0.935 - 0.024 * k, words, fontsize=9.5, color=color)
     return figure
 
 

@@ -4,25 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from matplotlib.patheffects import withStroke
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from copose.poses import Array
+from copose.poses import Array, rotation_rows
 from copose.report import legends, style
-from copose.report.frames import frame, roomy, view_axes
+from copose.report.camera import best_view
+from copose.report.frames import View, frame, roomy
+from copose.report.link_bodies import LinkBodies, LinkBody
+from copose.report.polygons import Polygons
 from copose.report.ranges import object_axes, ranges
 from copose.report.shapes import faces
 from copose.report.slices import Slice, angular_slice, linear_slice
 from copose.report.style import Drawn, Panel
-from copose.report.surroundings import Body, bodies, link_points, links, silhouette
+from copose.report.surroundings import Body, bodies
 from copose.results import EllipsoidRecord, Posture
 
 # The longest semi-axis drawn, and how high the angular slice floats, as shares of the scene.
 _ELLIPSE_SHARE = 0.18
 _LIFT = 0.42
+# How long a tip's axes are, and the pieces that are sorted by depth, alike.
+_AXIS, PIECE = 0.05, 0.07
+# How much is seen of what stands behind.
+_OBJECT, _OBSTACLE, _SLICE = 0.3, 0.4, 0.35
 # Over all that is drawn by its depth.
 ON_TOP = 1000
 
@@ -66,7 +73,7 @@ class Kind:
         return f"{self.name} slice{where}: {'; '.join(drawn)}"
 
 
-def kinds_of(panels: list[Panel]) -> list[Kind]:
+def _kinds(panels: list[Panel], links: list[list[LinkBody]]) -> list[Kind]:
     """The slices that the postures have, each kind at one scale for all that share a unit."""
     low, high = roomy(_points(panels, []))
     size = float((high - low).max())
@@ -79,8 +86,25 @@ def kinds_of(panels: list[Panel]) -> list[Kind]:
         scales = style.scales(panels, longest, _ELLIPSE_SHARE * size)
         if scales is not None:
             # Where both are drawn the angular one floats above the other.
-            kinds.append(Kind(name, part, color, index, scales, _LIFT * size if kinds else 0.0))
+            lift = _lift(panels, links, found, scales, size) if kinds else 0.0
+            kinds.append(Kind(name, part, color, index, scales, lift))
     return kinds
+
+
+def _lift(
+    panels: list[Panel], links: list[list[LinkBody]], slices: list[Slice | None],
+    scales: list[float], size: float,
+) -> float:  # fmt: skip
+    """How high above the object slices float, m: clear of links that are in their way."""
+    lift = _LIFT * size
+    for panel, some, part, scale in zip(panels, links, slices, scales, strict=True):
+        if part is not None and some:
+            extent = np.abs(scale * part.surface.reshape(-1, 3)).max(axis=0)
+            points = np.vstack([link.points for link in some])
+            offset = points - np.array(panel.posture.object.position)
+            above = (np.abs(offset) <= 1.1 * extent + [0, 0, np.inf])[:, :2].all(axis=1)
+            lift = max(lift, offset[above, 2].max(initial=0.0) + 1.2 * extent[2])
+    return lift
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,38 +115,49 @@ class Stage:
         kinds: the slices.
         low: the least x, y, z; ``high`` the largest.
         bodies: obstacles, by panel.
+        links: bodies of the arms' links, alike; none where sticks are drawn.
+        view: where all of them are seen from.
     """
 
     kinds: list[Kind]
     low: Array
     high: Array
     bodies: list[list[Body]]
+    links: list[list[LinkBody]]
+    view: View
 
     @classmethod
     def of(cls, panels: list[Panel]) -> Stage:
         """Where all of the panels have room."""
-        kinds = kinds_of(panels)
-        points = [_points(panels, kinds)]
+        robots = {id(p.solution): LinkBodies.of(p.solution.problem) for p in panels}
+        links = [robots[id(panel.solution)].placed(panel.posture) for panel in panels]
+        kinds = _kinds(panels, links)
+        points = [_points(panels, kinds), *(link.points for some in links for link in some)]
         for panel in panels:
             points += [each.edges.reshape(-1, 3) for each in ranges(panel)]
-            points.append(link_points(panel.posture))
         known = np.vstack(points)
         low, high = known.min(axis=0), known.max(axis=0)
         around = [bodies(panel.solution, low, high) for panel in panels]
         more = [body.points for each in around for body in each]
-        return cls(kinds, *roomy(np.vstack([known, *more])), around)
+        scenes = [
+            (mine, object_points(panel.posture, panel.solution))
+            for panel, mine in zip(panels, links, strict=True)
+        ]
+        return cls(kinds, *roomy(np.vstack([known, *more])), around, links, best_view(scenes))
 
     def draw(self, ax: Any, panels: list[Panel], k: int, *, whole: bool = False) -> None:
         """The scene of one of the panels; ``whole`` as `frame` has it."""
-        panel = panels[k]
+        panel, size = panels[k], float((self.high - self.low).max())
+        frame(ax, self.low, self.high, ("x, m", "y, m", "z, m"), self.view, whole=whole)
+        polygons = Polygons(self.view, PIECE * size)
         for body in self.bodies[k]:
-            draw_body(ax, body)
-        draw_posture(ax, panel.posture, panel.solution)
-        frame(ax, self.low, self.high, ("x, m", "y, m", "z, m"), whole=whole)
+            draw_body(ax, polygons, body, self.view)
+        draw_posture(ax, polygons, panel.posture, panel.solution, self.links[k], size)
         for kind in self.kinds:
-            _draw_slice(ax, panel, kind, kind.scales[k])
+            _draw_slice(ax, polygons, panel, kind, kind.scales[k])
             if panel.other is not None:
-                _draw_slice(ax, panel.other, kind, kind.scales[k], outline=True)
+                _outline_slice(ax, panel.other, kind, kind.scales[k])
+        polygons.draw(ax)
         _ranges(ax, panel)
         if panel.other is not None:
             ax.plot([], [], color=style.INK, linewidth=1, label=legends.OTHER)
@@ -142,7 +177,12 @@ def _points(panels: list[Panel], kinds: list[Kind]) -> Array:
 def posture_points(posture: Posture, solution: Drawn) -> Array:
     """Points of arms and object, (k, 3)."""
     points = [np.array([*arm.skeleton, arm.grasp]) for arm in posture.arms.values()]
-    return np.vstack([*points, *_faces(posture, solution), posture.object.position])
+    return np.vstack([*points, object_points(posture, solution)])
+
+
+def object_points(posture: Posture, solution: Drawn) -> Array:
+    """The object's corners and its centre of mass, (k, 3)."""
+    return np.vstack([*_faces(posture, solution), posture.object.position])
 
 
 def _faces(posture: Posture, solution: Drawn) -> list[Array]:
@@ -153,13 +193,12 @@ def _faces(posture: Posture, solution: Drawn) -> list[Array]:
     return faces(shape, posture.object.position, object_axes(posture))
 
 
-def draw_body(ax: Any, body: Body) -> None:
+def draw_body(ax: Any, polygons: Polygons, body: Body, view: View) -> None:
     """An obstacle and its name, below it."""
-    edge = (style.OBSTACLE, 0.2 if body.round else 1.0)
-    solid = Poly3DCollection(body.faces, facecolors=(style.OBSTACLE, 0.25), edgecolors=edge,
-                             linewidth=0.5)  # fmt: skip
-    ax.add_collection3d(solid)
-    lowest = body.points[np.argmin(body.points @ view_axes()[1])]
+    polygons.clear(body.faces, style.OBSTACLE, _OBSTACLE)
+    if not body.round:
+        polygons.edges(body.faces, style.OBSTACLE)
+    lowest = body.points[np.argmin(body.points @ view.axes[1])]
     name = ax.text(*lowest, style.short(body.name), fontsize=8, color=style.INK, ha="center",
                    va="top", zorder=ON_TOP)  # fmt: skip
     name.set_path_effects([withStroke(linewidth=2, foreground="white")])
@@ -176,35 +215,62 @@ def draw_ghost(ax: Any, posture: Posture, solution: Drawn, strength: float) -> N
                 solid_joinstyle="round")  # fmt: skip
 
 
-def draw_posture(ax: Any, posture: Posture, solution: Drawn) -> None:
-    """Arms, object and what keeps them apart."""
-    view = view_axes()
-    for parts, color in links(posture).values():
-        rims = [silhouette(part, part @ view[:2].T) for part in parts]
-        # All of one length: of others the axes' limits would count what is not set.
-        most = max(map(len, rims))
-        rims = [each[np.minimum(np.arange(most), len(each) - 1)] for each in rims if len(each)]
-        ax.add_collection3d(Poly3DCollection(rims, facecolor=color, alpha=0.12, linewidth=0))
-    for corners in _faces(posture, solution):
-        face = Poly3DCollection([corners], facecolor=style.OBJECT, edgecolor=style.INK,
-                                linewidth=0.5, alpha=0.35)  # fmt: skip
-        ax.add_collection3d(face)
+def draw_posture(
+    ax: Any, polygons: Polygons, posture: Posture, solution: Drawn, links: Sequence[LinkBody],
+    size: float,
+) -> None:  # fmt: skip
+    """Arms and object.
+
+    Args:
+        ax: where lines are drawn.
+        polygons: which bodies are added to.
+        posture: what is drawn.
+        solution: whose it is.
+        links: bodies of the arms; without any they are drawn as sticks.
+        size: of the scene, m.
+    """
+    colors, thing = style.arm_colors(posture), _faces(posture, solution)
+    for link in links:
+        polygons.solid(link.faces, link.normals, style.BEFORE if link.arm is None
+                       else colors[link.arm])  # fmt: skip
+    polygons.clear(thing, style.OBJECT, _OBJECT)
+    if solution.problem.shape is not None and solution.problem.shape.kind == "box":
+        polygons.edges(thing)
     center = np.array(posture.object.position)
     ax.plot(*center[:, None], marker="o", markersize=4, color=style.INK)
-    for name, color in style.arm_colors(posture).items():
-        points = np.array(posture.arms[name].skeleton)
-        ax.plot(*points.T, color=color, linewidth=4, solid_capstyle="round",
-                solid_joinstyle="round", label=f"arm {style.short(name)}")  # fmt: skip
-        ax.plot(*points[1:-1].T, linestyle="", marker="o", markersize=5, markerfacecolor="white",
-                markeredgecolor=style.INK)  # fmt: skip
-        ax.plot(*points[:1].T, marker="s", markersize=8, color=color)
-        ax.plot(*points[-1:].T, marker="o", markersize=4, color=style.INK)
-        grasp = np.array(posture.arms[name].grasp)
+    for name, color in colors.items():
+        arm = posture.arms[name]
+        points, grasp = np.array(arm.skeleton), np.array(arm.grasp)
+        label = f"arm {style.short(name)}"
+        if any(link.arm == name for link in links):
+            ax.plot([], [], color=color, linewidth=4, label=label)
+            _draw_axes(ax, points[-1], np.array(rotation_rows(arm.quaternions[-1])), _AXIS * size)
+        else:
+            _draw_stick(ax, points, color, label)
         if posture.closure_error[name] > style.OPEN:
-            ax.plot(*np.array([points[-1], grasp]).T, color=style.INK, linestyle=":", linewidth=1.2)
-            ax.plot(*grasp[:, None], marker="x", markersize=8, color=style.INK)
+            ax.plot(*np.array([points[-1], grasp]).T, color=style.INK, linestyle=":", linewidth=1.2,
+                    zorder=ON_TOP)  # fmt: skip
+            ax.plot(*grasp[:, None], marker="x", markersize=8, color=style.INK, zorder=ON_TOP)
         elif solution.problem.shape is None:
             ax.plot(*np.array([grasp, center]).T, color=style.OBJECT, linewidth=1.5)
+
+
+def _draw_stick(ax: Any, points: Array, color: str, label: str) -> None:
+    """An arm by its joints."""
+    ax.plot(*points.T, color=color, linewidth=4, solid_capstyle="round", solid_joinstyle="round",
+            label=label)  # fmt: skip
+    ax.plot(*points[1:-1].T, linestyle="", marker="o", markersize=5, markerfacecolor="white",
+            markeredgecolor=style.INK)  # fmt: skip
+    ax.plot(*points[:1].T, marker="s", markersize=8, color=color)
+    ax.plot(*points[-1:].T, marker="o", markersize=4, color=style.INK)
+
+
+def _draw_axes(ax: Any, origin: Array, rotation: Array, length: float) -> None:
+    """The axes x, y, z of a frame."""
+    for axis, color in zip(rotation.T, style.AXES, strict=True):
+        ends = np.array([origin, origin + length * axis])
+        ax.plot(*ends.T, color=color, linewidth=1.6, zorder=ON_TOP, solid_capstyle="butt",
+                path_effects=[withStroke(linewidth=2.8, foreground="white")])  # fmt: skip
 
 
 def _ranges(ax: Any, panel: Panel) -> None:
@@ -223,24 +289,35 @@ def _ranges(ax: Any, panel: Panel) -> None:
                 label=legends.RANGES)  # fmt: skip
 
 
-def _draw_slice(ax: Any, panel: Panel, kind: Kind, scale: float, outline: bool = False) -> None:
+def _draw_slice(ax: Any, polygons: Polygons, panel: Panel, kind: Kind, scale: float) -> None:
     part = kind.of(panel)
     if part is None:
         return
     center = kind.center(panel)
     points = center + scale * part.surface
-    grid = np.moveaxis(points, -1, 0)
-    if outline:
-        if points.ndim == 3:
-            ax.plot_wireframe(*grid, color=style.INK, linewidth=0.5, rstride=4, cstride=4)
-        else:
-            ax.plot(*grid, color=style.INK, linewidth=1.2, linestyle="--")
-        return
     if points.ndim == 3:
-        ax.plot_surface(*grid, color=kind.color, alpha=0.45, linewidth=0, rstride=1, cstride=1)
+        quads = np.stack([points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]], 2)
+        quads = quads.reshape(-1, 4, 3)
+        normals = np.zeros_like(quads[:, 0])
+        world = list(part.world)
+        normals[:, world] = (quads.mean(axis=1) - center)[:, world] @ part.ellipsoid.gram
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        polygons.clear(quads, kind.color, _SLICE, normals)
     else:
-        ax.plot(*grid, color=kind.color, linewidth=3.5)
-        ax.add_collection3d(Poly3DCollection([points], facecolor=kind.color, alpha=0.3))
+        ax.plot(*points.T, color=kind.color, linewidth=3.5)
+        fan = [np.array([center, *ends]) for ends in pairwise(points)]
+        polygons.clear(fan if len(points) > 2 else [], kind.color, _SLICE)
     if kind.lift:
         stem = np.array([panel.posture.object.position, center])
-        ax.plot(*stem.T, color=kind.color, linewidth=1, linestyle=":")
+        ax.plot(*stem.T, color=kind.color, linewidth=1, linestyle=":", zorder=ON_TOP)
+
+
+def _outline_slice(ax: Any, panel: Panel, kind: Kind, scale: float) -> None:
+    part = kind.of(panel)
+    if part is None:
+        return
+    grid = np.moveaxis(kind.center(panel) + scale * part.surface, -1, 0)
+    if grid.ndim == 3:
+        ax.plot_wireframe(*grid, color=style.INK, linewidth=0.5, rstride=4, cstride=4)
+    else:
+        ax.plot(*grid, color=style.INK, linewidth=1.2, linestyle="--")

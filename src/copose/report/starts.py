@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,8 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from copose.collision import Solid, link_solids
+from copose.errors import InputError
 from copose.poses import Array, Pose
 from copose.problem import Problem
 from copose.results import (
@@ -17,6 +20,7 @@ from copose.results import (
     EllipsoidRecord,
     Posture,
     ProblemRecord,
+    link_records,
     matrix,
     place,
     vector,
@@ -71,21 +75,19 @@ class StartScene:
     posture: Posture
 
     @classmethod
-    def of(cls, problem: Problem, starts: Sequence[ArmStart]) -> StartScene:
-        """The scene of arms at their starts."""
+    def of(cls, problem: Problem, starts: Sequence[ArmStart], *, bodies: bool = True) -> StartScene:
+        """The scene of arms at their starts, with bodies of their links if wanted."""
         planar, nothing = problem.space.planar, EllipsoidRecord.of(None)
-        record = ProblemRecord(
-            name=problem.name,
-            space=problem.task.space,
-            shape=problem.object.shape,
-            axes=tuple(problem.space.coordinates[i] for i in problem.axes),
-            resolution=problem.ellipsoid.resolution,
-            torque_scaling=problem.ellipsoid.torque_scaling,
-            obstacles=problem.obstacles,
-        )
-        arms = {
+        arms = [start.arm for start in starts]
+        solids: tuple[Solid, ...] = ()
+        # A robot whose shapes cannot be read is drawn by its joints alone.
+        with contextlib.suppress(InputError):
+            solids = link_solids(problem, arms).solids if bodies else ()
+        record = ProblemRecord.of(problem, link_records(solids, arms, planar=planar))
+        records = {
             start.arm.name: ArmRecord(
                 skeleton=matrix(np.array([frame.position for frame in start.frames])),
+                quaternions=matrix(np.array([frame.quaternion for frame in start.frames])),
                 grasp=vector(start.grasp.position),
                 ellipsoid=nothing,
             )
@@ -97,7 +99,7 @@ class StartScene:
             closure_error={start.arm.name: max(start.gap, start.turn) for start in starts},
             ellipsoid=nothing,
             log_volumes={},
-            arms=arms,
+            arms=records,
         )
         return cls(record, posture)
 

@@ -36,6 +36,9 @@ EXACT = "#5F7F9F"
 OVER = "#C00000"
 OBSTACLE = "#6E6E6E"
 
+# Of a frame's axes x, y, z.
+AXES = ("#D55E00", "#009E73", "#0072B2")
+
 # Lines of what may be moved, within its range.
 DASHES = (0, (2.2, 1.3))
 

@@ -8,10 +8,8 @@ import numpy as np
 
 from copose.poses import Array
 from copose.problem import Obstacle, PlanarObstacle
-from copose.report import style
 from copose.report.shapes import cut, faces, outline
 from copose.report.style import Drawn
-from copose.results import Posture
 
 # How far beyond arms and object large obstacles are drawn, as a share of the scene: a floor would
 # dwarf what stands on it.
@@ -58,31 +56,3 @@ def _faces(obstacle: Obstacle | PlanarObstacle) -> list[Array]:
     if isinstance(obstacle, PlanarObstacle):
         return [outline(obstacle.shape, obstacle.position, obstacle.angle)]
     return faces(obstacle.shape, obstacle.position, obstacle.pose.rotation)
-
-
-def links(posture: Posture) -> dict[str, tuple[list[Array], str]]:
-    """Points of the parts of links, (k, 3) each, and a colour, by arm."""
-    colors = style.arm_colors(posture)
-    return {
-        name: ([np.array(part) for part in parts], colors[name])
-        for name, parts in (posture.bodies or {}).items()
-        if parts
-    }
-
-
-def silhouette(points: Array, seen: Array) -> Array:
-    """Those of some points, (k, d), that are round all of them as they are seen, (k, 2), in order;
-    none where they are seen as a line.
-    """
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        return np.asarray(points[ConvexHull(seen).vertices])
-    except (QhullError, ValueError):
-        return points[:0]
-
-
-def link_points(posture: Posture) -> Array:
-    """All points of links, (k, 3)."""
-    every = [part for parts, _ in links(posture).values() for part in parts]
-    return np.vstack([np.zeros((0, 3)), *every])

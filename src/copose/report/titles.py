@@ -22,7 +22,7 @@ def title(panel: Panel) -> str:
     return "\n".join(filter(None, lines))
 
 
-def distance_words(posture: Posture, most: int = 18) -> str:
+def distance_words(posture: Posture, most: int = 40) -> str:
     """The smallest distance and what it is between; empty where it is not known."""
     if posture.collision is None:
         return ""

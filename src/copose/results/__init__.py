@@ -17,6 +17,7 @@ from copose.results.solution import (
     CollisionRecord,
     FailureRecord,
     FreeRecord,
+    LinkRecord,
     ObjectiveRecord,
     Optimum,
     PlacementRecord,
@@ -29,6 +30,7 @@ from copose.results.solution import (
     Timing,
     VerificationRecord,
     frame,
+    link_records,
     place,
 )
 from copose.results.trajectory import joint_trajectory_yaml, trajectory_csv
@@ -45,6 +47,7 @@ __all__ = [
     "FreeRecord",
     "JointRecord",
     "Knot",
+    "LinkRecord",
     "Matrix",
     "Motion",
     "ObjectiveRecord",
@@ -65,6 +68,7 @@ __all__ = [
     "WrenchRecord",
     "frame",
     "joint_trajectory_yaml",
+    "link_records",
     "matrix",
     "place",
     "read_motion",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sized
 from typing import Any
@@ -20,7 +21,7 @@ _SAME = 1e-6
 _FARTHEST = 1e12
 # Nor any other number of a posture: squares and products of two are still numbers.
 _LARGEST = 1e100
-_PLACES = re.compile(r"^(joints|object|base|grasp|bodies)\b|\.(skeleton|grasp)\b")
+_PLACES = re.compile(r"^(joints|object|base|grasp)\b|\.(skeleton|quaternions|grasp)\b")
 
 
 def disagreements(answer: Solution | Motion) -> Iterator[str]:
@@ -29,6 +30,11 @@ def disagreements(answer: Solution | Motion) -> Iterator[str]:
     names = answer.joint_names
     if not names or any(len(set(joints)) < len(joints) for joints in names.values()):
         yield "joint_names: not the different joints of at least one arm"
+    for link in answer.problem.links:
+        if not 0 <= link.frame <= len(names.get(link.arm, ())) or link.arm not in names:
+            yield "problem.links: not of joints that joint_names lists"
+        if any(len(point) != 3 for point in link.points):
+            yield "problem.links: points not of 3 numbers each"
     yield from _motion(answer) if isinstance(answer, Motion) else _solution(answer)
 
 
@@ -143,6 +149,11 @@ def _posture(answer: Solution | Motion, posture: Posture) -> Iterator[str]:
         rows.append((f"arms.{name}.skeleton", 3, [*arm.skeleton, arm.grasp]))
         if len(arm.skeleton) < 2:
             yield f"arms.{name}.skeleton: neither root nor tip"
+        rows.append((f"arms.{name}.quaternions", 4, arm.quaternions))
+        if len(arm.quaternions) != len(arm.skeleton):
+            yield f"arms.{name}.quaternions: not one of each point of skeleton"
+        elif any(abs(math.hypot(*each) - 1) > _SAME for each in arm.quaternions):
+            yield f"arms.{name}.quaternions: not of length 1"
     for name, each in wrenches.items():
         rows.append(
             (f"wrenches.{name}", m, [x for w in each.values() for x in (w.wrench, w.internal)])
@@ -155,8 +166,6 @@ def _posture(answer: Solution | Motion, posture: Posture) -> Iterator[str]:
             yield f"exact_sets.{name}.residual_radius: below zero"
         rows.append((f"exact_sets.{name}.vertices", a, exact.vertices))
         ellipsoids.append((f"exact_sets.{name}.ellipsoid", exact.ellipsoid, a))
-    for name, parts in (posture.bodies or {}).items():
-        rows += [(f"bodies.{name}", 3, part) for part in parts]
     for key, size, entries in rows:
         if any(len(entry) != size for entry in entries):
             yield f"{key}: not of {size} numbers each"

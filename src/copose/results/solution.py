@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, Literal
 
 from pydantic import model_serializer
 from pydantic_core.core_schema import SerializerFunctionWrapHandler
 
+from copose.collision import Solid, link_outlines
 from copose.poses import Pose
-from copose.problem import Obstacle, PlanarObstacle, Shape, SpaceName
+from copose.problem import Obstacle, PlanarObstacle, Problem, Shape, SpaceName
 from copose.results.limits import AccelerationRecord, ExactSetRecord, WrenchRecord
 from copose.results.records import (
     CompanionRecord,
@@ -18,8 +20,10 @@ from copose.results.records import (
     Matrix,
     Record,
     Vector,
+    matrix,
     vector,
 )
+from copose.robots import Arm
 
 
 class SpatialPlace(Record):
@@ -72,11 +76,13 @@ class ArmRecord(Record):
 
     Attributes:
         skeleton: root, joint origins and tip in the world, m.
+        quaternions: of the same frames, [w, x, y, z].
         grasp: where the tip should be, m.
         ellipsoid: of the arm alone at its tip, by the same resolution and torque scaling.
     """
 
     skeleton: Matrix
+    quaternions: Matrix
     grasp: Vector
     ellipsoid: EllipsoidRecord
 
@@ -108,8 +114,6 @@ class Posture(Record):
         base: where bases that may be moved are, by arm.
         grasp: where tips are in the object frame, of grasps that may be moved.
         collision: on the original geometry.
-        bodies: by arm, points whose hull is about that of each part of its links, in the world,
-            (count, 3) each.
     """
 
     joints: dict[str, Vector]
@@ -129,7 +133,6 @@ class Posture(Record):
     base: dict[str, SpatialFrame | PlanarPlace] | None = None
     grasp: dict[str, SpatialFrame | PlanarPlace] | None = None
     collision: CollisionRecord | None = None
-    bodies: dict[str, tuple[Matrix, ...]] | None = None
 
     @model_serializer(mode="wrap")
     def _as_asked(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -271,6 +274,34 @@ class Timing(Record):
     kernels: Literal["compiled", "virtual machine"] = "virtual machine"
 
 
+class LinkRecord(Record):
+    """The outline of one part of an arm's link.
+
+    Attributes:
+        arm: whose it is.
+        frame: that moves it, a row of the arm's ``skeleton``.
+        points: whose convex hull is about that of the part, in that frame, m, (k, 3).
+    """
+
+    arm: str
+    frame: int
+    points: Matrix
+
+
+def link_records(
+    solids: Sequence[Solid], arms: Sequence[Arm], *, planar: bool
+) -> tuple[LinkRecord, ...]:
+    """The outlines of those solids that are links of arms."""
+    return tuple(
+        LinkRecord(
+            arm=arms[each.carrier.arm].name,
+            frame=each.carrier.joint + 1,
+            points=matrix(each.points),
+        )
+        for each in link_outlines(solids, planar=planar)
+    )
+
+
 class ProblemRecord(Record):
     """Which problem was solved, and what a picture of it needs.
 
@@ -282,6 +313,7 @@ class ProblemRecord(Record):
         resolution: whose ellipsoid is reported as ``ellipsoid``.
         torque_scaling: what the torques are measured in.
         obstacles: what stands around.
+        links: of the arms; empty where a robot's shapes cannot be read.
     """
 
     name: str
@@ -291,6 +323,21 @@ class ProblemRecord(Record):
     resolution: str
     torque_scaling: str
     obstacles: tuple[Obstacle | PlanarObstacle, ...] = ()
+    links: tuple[LinkRecord, ...] = ()
+
+    @classmethod
+    def of(cls, problem: Problem, links: tuple[LinkRecord, ...] = ()) -> ProblemRecord:
+        """The record of a problem."""
+        return cls(
+            name=problem.name,
+            space=problem.task.space,
+            shape=problem.object.shape,
+            axes=tuple(problem.space.coordinates[i] for i in problem.axes),
+            resolution=problem.ellipsoid.resolution,
+            torque_scaling=problem.ellipsoid.torque_scaling,
+            obstacles=problem.obstacles,
+            links=links,
+        )
 
 
 class Solution(Record):

@@ -1,0 +1,99 @@
+"""The links of arms as convex bodies."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from copose.poses import Array, rotation_rows
+from copose.results import Posture, ProblemRecord
+
+
+@dataclass(frozen=True, eq=False)
+class LinkBody:
+    """One convex part of a link in the world.
+
+    Attributes:
+        arm: whose; None of what a robot's arms share.
+        frame: of the arm that moves it, 0 for the root.
+        last: whether the arm's last joint moves it: a hand.
+        faces: triangles, (f, 3, 3).
+        normals: unit, outwards, (f, 3).
+    """
+
+    arm: str | None
+    frame: int
+    last: bool
+    faces: Array
+    normals: Array
+
+    @property
+    def points(self) -> Array:
+        """All corners, (3 f, 3)."""
+        return self.faces.reshape(-1, 3)
+
+    @property
+    def offsets(self) -> Array:
+        """The d of {x : n·x ≤ d} for every face, (f,)."""
+        return np.asarray(np.einsum("ij,ij->i", self.normals, self.faces[:, 0]))
+
+
+@dataclass(frozen=True, eq=False)
+class LinkBodies:
+    """The links of all arms of a problem, each in the frame that moves it.
+
+    Attributes:
+        parts: arm, frame, and there triangles, (f, 3, 3), and outward normals, (f, 3); flat parts
+            are left out.
+        shared: the arm whose root carries what several arms share, if any.
+    """
+
+    parts: tuple[tuple[str, int, Array, Array], ...]
+    shared: frozenset[str]
+
+    @classmethod
+    def of(cls, problem: ProblemRecord) -> LinkBodies:
+        """The bodies of a problem's arms; none where their shapes are not known."""
+        parts = []
+        for each in problem.links:
+            points = np.array(each.points)
+            with contextlib.suppress(QhullError, ValueError):
+                hull = ConvexHull(points)
+                normals = hull.equations[:, :3]
+                parts.append((each.arm, each.frame, points[hull.simplices], normals))
+        rooted = frozenset(arm for arm, frame, *_ in parts if frame == 0)
+        # Of a robot with several arms the first one's root carries what stands still.
+        alone = rooted.issuperset(arm for arm, *_ in parts)
+        return cls(tuple(parts), frozenset() if alone else rooted)
+
+    def placed(self, posture: Posture) -> list[LinkBody]:
+        """The bodies where a posture has them."""
+        found = []
+        for arm, k, triangles, normals in self.parts:
+            rotation, position = _frame(posture, arm, k)
+            faces = triangles @ rotation.T + position
+            owner = None if k == 0 and arm in self.shared else arm
+            last = k == len(posture.arms[arm].skeleton) - 2
+            found.append(LinkBody(owner, k, last, faces, normals @ rotation.T))
+        return found
+
+
+def flat_links(problem: ProblemRecord, posture: Posture) -> dict[str, list[Array]]:
+    """Corners, in order, of the links of planar arms, (k, 2) each, by arm."""
+    found: dict[str, list[Array]] = {}
+    for each in problem.links:
+        rotation, position = _frame(posture, each.arm, each.frame)
+        points = (np.array(each.points) @ rotation.T + position)[:, :2]
+        # A link without thickness has no hull.
+        with contextlib.suppress(QhullError, ValueError):
+            found.setdefault(each.arm, []).append(points[ConvexHull(points).vertices])
+    return found
+
+
+def _frame(posture: Posture, arm: str, k: int) -> tuple[Array, Array]:
+    """Rotation and origin of a frame of an arm."""
+    record = posture.arms[arm]
+    return np.array(rotation_rows(record.quaternions[k])), np.array(record.skeleton[k])
