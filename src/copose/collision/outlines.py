@@ -46,5 +46,5 @@ def _outlines(solid: Solid, planar: bool) -> Iterator[Outline]:
         corners, beyond = part.shape.hull
         corners = corners @ pose.rotation.T + pose.position
         outermost = (corners @ directions.T).argmax(axis=0)
-        points = np.round(corners[outermost] + beyond * directions, _DIGITS)
+        points = np.round(corners[outermost] + beyond * directions, _DIGITS) + 0.0
         yield Outline(solid.carrier, np.unique(points, axis=0))

@@ -82,8 +82,13 @@ class LinkBodies:
 
 
 def flat_links(problem: ProblemRecord, posture: Posture) -> dict[str, list[Array]]:
-    """Corners, in order, of the links of planar arms, (k, 2) each, by arm."""
+    """Corners, in order, of the links of planar arms, (k, 2) each, by arm.
+
+    Only of postures that keep clear: planar links are lines else.
+    """
     found: dict[str, list[Array]] = {}
+    if posture.collision is None:
+        return found
     for each in problem.links:
         rotation, position = _frame(posture, each.arm, each.frame)
         points = (np.array(each.points) @ rotation.T + position)[:, :2]
