@@ -16,7 +16,7 @@ from copose.mechanics import object_parameters
 from copose.planning.cell import Cell
 from copose.planning.machinery import Machinery
 from copose.planning.program import Given
-from copose.poses import Pose
+from copose.poses import Pose, rotation_rows
 from copose.problem import parse
 from copose.results import Posture, Solution, to_json
 from reference import Problem as Truth
@@ -56,6 +56,8 @@ def check_posture(posture: Posture, cell: dict, names: dict) -> None:
         assert np.allclose(arm.ellipsoid.radii, 1 / own[::-1], rtol=1e-8)
         tip = truth.arms[name].at(np.array(posture.joints[name]))[0]
         assert np.allclose(arm.skeleton[-1], tip.translation, atol=1e-12)
+        turned = np.array(rotation_rows(arm.quaternions[-1]))
+        assert np.allclose(turned, tip.rotation, atol=1e-12)
 
 
 @pytest.mark.parametrize(

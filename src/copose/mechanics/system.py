@@ -193,6 +193,15 @@ class ArmMechanics:
                 )
         return ""
 
+    @property
+    def placements(self) -> ca.SX:
+        """Positions and quaternions in the world of root, joints and tip, (7, n + 2)."""
+        base, found = self.base, [ca.vertcat(self.base.position, self.base.quaternion)]
+        for frame in (*self.chain.frames, self.chain.tip):
+            turn = multiply_quaternions(base.quaternion, frame.quaternion)
+            found.append(ca.vertcat(self._in_world(frame.position), turn))
+        return ca.horzcat(*found)
+
 
 @dataclass(frozen=True, eq=False)
 class System:

@@ -100,6 +100,7 @@ class Meter:
                     *system.pose_error(i),
                     arm.J,
                     cell.resolution.own_factor(arm, scale),
+                    arm.placements,
                 ],
             )
             for i, (arm, scale) in enumerate(zip(system.arms, cell.scales, strict=True))
@@ -157,7 +158,7 @@ class Meter:
         )  # fmt: skip
         errors, records, notes = {}, {}, []
         for arm, function, q in zip(cell.arms, self._arms, joints, strict=True):
-            gap, turn, J, own = function(q, cell.parameters)
+            gap, turn, J, own, placements = function(q, cell.parameters)
             error = closure_errors(gap[rows].T, turn.T, cell.system.space.rigid)
             errors[arm.name] = float(error[0])
             rank = _rank(J)
@@ -167,10 +168,9 @@ class Meter:
                 )
             known = rank == m and arm.name not in cell.weightless
             single = ellipsoid_of(own) if known else None
-            frames = arm.frames(q)
             records[arm.name] = ArmRecord(
-                skeleton=matrix(np.array([frame.position for frame in frames])),
-                quaternions=matrix(np.array([frame.quaternion for frame in frames])),
+                skeleton=matrix(placements[:3].T),
+                quaternions=matrix(placements[3:].T),
                 grasp=vector((pose @ arm.grasp).position),
                 ellipsoid=EllipsoidRecord.of(single),
             )
