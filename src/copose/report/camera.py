@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from copose.poses import Array
+from copose.poses import Array, Indices, Mask
 from copose.report.frames import View
 from copose.report.link_bodies import LinkBody
 
@@ -22,21 +21,6 @@ _BETTER = 0.03
 _FEW = 6
 
 
-@dataclass(frozen=True, eq=False)
-class Sight:
-    """Something that is to be seen.
-
-    Attributes:
-        points: in the world, (k, 3).
-        weight: of all of them.
-        own: number of the body they are of, which does not hide them; None of the object.
-    """
-
-    points: Array
-    weight: float
-    own: int | None
-
-
 def best_view(scenes: Sequence[tuple[Sequence[LinkBody], Array]]) -> View:
     """The view in which links, and hands and object above all, are hidden least.
 
@@ -47,9 +31,9 @@ def best_view(scenes: Sequence[tuple[Sequence[LinkBody], Array]]) -> View:
     eyes = np.array([view.axes[2] for view in views])
     seen, whole = np.zeros(len(views)), 0.0
     for links, thing in scenes:
-        for sight in _sights(links, thing):
-            seen += sight.weight * _shares(sight, links, eyes)
-            whole += sight.weight
+        points, weights, own = _sights(links, thing)
+        seen += _seen(points, own, links, eyes) @ weights
+        whole += weights.sum()
     if not whole:
         return views[0]
     # Far turns are taken where they show more.
@@ -58,13 +42,15 @@ def best_view(scenes: Sequence[tuple[Sequence[LinkBody], Array]]) -> View:
     return views[int(worth.argmax())]
 
 
-def _sights(links: Sequence[LinkBody], thing: Array) -> list[Sight]:
-    found = [
-        Sight(_spread(link.points), _HAND if link.last else _LINK, k)
-        for k, link in enumerate(links)
-        if link.arm is not None
-    ]
-    return [*found, Sight(_spread(thing), _OBJECT * len(found) / 4, None)]
+def _sights(links: Sequence[LinkBody], thing: Array) -> tuple[Array, Array, Indices]:
+    """What is to be seen: points, (k, 3), what they count, (k,), and the link each is of, which
+    does not hide it, −1 for the object's.
+    """
+    own = [k for k, link in enumerate(links) if link.arm is not None]
+    points = [*(_spread(links[k].points) for k in own), _spread(thing)]
+    each = [_HAND if links[k].last else _LINK for k in own] + [_OBJECT * len(own) / 4]
+    count = len(points[0])
+    return np.vstack(points), np.repeat(each, count) / count, np.repeat([*own, -1], count)
 
 
 def _spread(points: Array) -> Array:
@@ -76,17 +62,16 @@ def _spread(points: Array) -> Array:
     return np.array(chosen)
 
 
-def _shares(sight: Sight, links: Sequence[LinkBody], eyes: Array) -> Array:
-    """Which share of a sight's points is seen from each eye, afar, (views, 3); (views,)."""
-    hidden = np.zeros((len(eyes), len(sight.points)), dtype=bool)
+def _seen(points: Array, own: Indices, links: Sequence[LinkBody], eyes: Array) -> Mask:
+    """Which points are seen from each eye, afar, (views, 3); (views, k)."""
+    hidden = np.zeros((len(eyes), len(points)), dtype=bool)
     for k, link in enumerate(links):
-        if k != sight.own:
-            # A ray p + s e runs within every face's half-space between two values of s.
-            room = link.offsets - sight.points @ link.normals.T
-            rise = eyes @ link.normals.T
-            with np.errstate(divide="ignore", invalid="ignore"):
-                at = room[None] / rise[:, None, :]
-            leave = np.where(rise[:, None, :] > 0, at, np.inf).min(axis=2)
-            enter = np.where(rise[:, None, :] < 0, at, -np.inf).max(axis=2)
-            hidden |= leave > np.maximum(enter, 0.0) + 1e-9
-    return np.asarray(1.0 - hidden.mean(axis=1))
+        # A ray p + s e runs within every face's half-space between two values of s.
+        room = link.offsets - points @ link.normals.T
+        rise = (eyes @ link.normals.T)[:, None, :]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = room[None] / rise
+        leave = np.where(rise > 0, at, np.inf).min(axis=2)
+        enter = np.where(rise < 0, at, -np.inf).max(axis=2)
+        hidden |= (leave > np.maximum(enter, 0.0) + 1e-9) & (own != k)
+    return ~hidden
