@@ -314,6 +314,7 @@ class ProblemRecord(Record):
         torque_scaling: what the torques are measured in.
         obstacles: what stands around.
         links: of the arms; empty where a robot's shapes cannot be read.
+        file: that the problem was read from, as it was named; null where it was none.
     """
 
     name: str
@@ -324,6 +325,7 @@ class ProblemRecord(Record):
     torque_scaling: str
     obstacles: tuple[Obstacle | PlanarObstacle, ...] = ()
     links: tuple[LinkRecord, ...] = ()
+    file: str | None = None
 
     @classmethod
     def of(cls, problem: Problem, links: tuple[LinkRecord, ...] = ()) -> ProblemRecord:
@@ -337,6 +339,7 @@ class ProblemRecord(Record):
             torque_scaling=problem.ellipsoid.torque_scaling,
             obstacles=problem.obstacles,
             links=links,
+            file=None if problem.source is None else str(problem.source),
         )
 
 
