@@ -20,6 +20,7 @@ from rich.console import Console
 from cells import planar, toml
 from copose.cli import main
 from copose.errors import InputError
+from copose.formats import joint_trajectory_yaml, trajectory_csv
 from copose.report import draw, motion_animation, motion_picture, motion_table
 from copose.report.motion_charts import _spread
 from copose.report.motion_figure import motion_figure
@@ -27,10 +28,8 @@ from copose.report.motion_limits import limit_shares
 from copose.results import (
     EllipsoidRecord,
     Motion,
-    joint_trajectory_yaml,
     read_motion,
     to_json,
-    trajectory_csv,
 )
 
 NOTHING = EllipsoidRecord.of(None).model_dump()

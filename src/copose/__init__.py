@@ -11,6 +11,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from copose.capability import Ellipsoid
     from copose.errors import CoposeError, InputError
+    from copose.formats import export
     from copose.loader import load, parse
     from copose.paths import PathPlanner, plan
     from copose.planning import Check, Planner, check, evaluate, solve, verify
@@ -36,6 +37,7 @@ _HOMES = {
     "compare": "report",
     "draw": "report",
     "evaluate": "planning",
+    "export": "formats",
     "load": "loader",
     "parse": "loader",
     "plan": "paths",
@@ -61,6 +63,7 @@ __all__ = [
     "compare",
     "draw",
     "evaluate",
+    "export",
     "load",
     "parse",
     "plan",

@@ -14,10 +14,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, TextIO
+from typing import TYPE_CHECKING, NoReturn, TextIO, TypeAlias
 
 from copose import interrupt
 from copose.errors import InputError, one_line, shown
+from copose.export_command import add_arguments, export_result
 from copose.progress import Progress, Tell, Watch, sheltered, stage, watched
 from copose.version import __version__
 
@@ -78,6 +79,10 @@ class _Parser(argparse.ArgumentParser):
             sys.stdout.write(self.format_help())
 
 
+_Commands: TypeAlias = "argparse._SubParsersAction[_Parser]"
+_Run: TypeAlias = Callable[[argparse.Namespace], int]
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="copose",
@@ -88,7 +93,10 @@ def _parser() -> argparse.ArgumentParser:
 
     _add_init(commands)
 
-    solve = _command(commands, "solve", "find the best posture", _solve)
+    solve = _command(
+        commands, "solve", "find the best posture", _solve,
+        "problems/two-panda-box.toml -o panda --set object.mass=3 --verify",
+    )  # fmt: skip
     _add_outputs(solve, (_PICTURE,), _MISS)
     _add_aim(solve)
     _add_search(solve)
@@ -101,14 +109,20 @@ def _parser() -> argparse.ArgumentParser:
         help="search again, another seed and twice the effort, and say whether the answer stands",
     )  # fmt: skip
 
-    evaluate = _command(commands, "evaluate", "the ellipsoids of the file's start", _evaluate)
+    evaluate = _command(
+        commands, "evaluate", "the ellipsoids of the file's start", _evaluate,
+        "problems/two-panda-box.toml --joints panda/result.json --figure panda.pdf",
+    )  # fmt: skip
     _add_outputs(evaluate, (_PICTURE,), _MISS)
     _add_aim(evaluate)
     evaluate.add_argument(
         "--joints", type=Path, metavar="RESULT.json", help="measure this result's posture instead"
     )
 
-    path = _command(commands, "path", "the best joint motion along an object path", _path)
+    path = _command(
+        commands, "path", "the best joint motion along an object path", _path,
+        "problems/panda-carry-path.toml -o carried --ros --animate",
+    )  # fmt: skip
     _add_outputs(path, (_TRAJECTORY, _WAY), _FIGURE)
     _add_search(path)
     path.add_argument(
@@ -117,7 +131,10 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     path.add_argument("--animate", action="store_true", help=f"also draw {_FILM}")
 
-    compare = commands.add_parser("compare", help="two results side by side")
+    compare = _added(
+        commands, "compare", "two results side by side", _compare,
+        "panda/result.json worst/result.json --figure compare.pdf",
+    )  # fmt: skip
     compare.add_argument("one", type=Path, metavar="A.json")
     compare.add_argument("other", type=Path, metavar="B.json")
     compare.add_argument(
@@ -126,18 +143,28 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     _add_style(compare)
     _add_telling(compare)
-    compare.set_defaults(run=_compare)
 
-    schema = commands.add_parser("schema", help="JSON Schema of problem files, for editors")
-    schema.set_defaults(run=_schema)
+    export = _added(
+        commands, "export", "a posture or a motion for another program", _export,
+        "panda/result.json --to moveit -o panda.yaml",
+    )  # fmt: skip
+    add_arguments(export)
+    _add_telling(export)
 
-    manual = commands.add_parser("manual", help="the manual, or the list of its topics")
+    _added(
+        commands, "schema", "JSON Schema of problem files, for editors", _schema,
+        "> copose.schema.json",
+    )  # fmt: skip
+
+    manual = _added(
+        commands, "manual", "the manual, or the list of its topics", _manual, "problem-files"
+    )
     manual.add_argument("topic", nargs="?", metavar="TOPIC", help="what to read about")
-    manual.set_defaults(run=_manual)
 
     check = _command(
-        commands, "check", "read the file and the robots, and print the chains", _check
-    )
+        commands, "check", "read the file and the robots, and print the chains", _check,
+        "problems/two-panda-box.toml --figure start.png",
+    )  # fmt: skip
     check.add_argument(
         "--figure", type=Path, metavar="FILE",
         help="draw bodies and frames at the start into a .png, .pdf or .svg",
@@ -147,13 +174,11 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_init(commands: object) -> None:
-    text = "make a problem file from robots"
-    init: argparse.ArgumentParser = commands.add_parser(  # type: ignore[attr-defined]
-        "init",
-        help=text,
-        description=f"{text[0].upper()}{text[1:]}; what it guesses has a comment.",
-    )
+def _add_init(commands: _Commands) -> None:
+    init = _added(
+        commands, "init", "make a problem file from robots; guesses have a comment", _init,
+        "example-robot-data://panda_description/urdf/panda.urdf --mass 2 -o cell.toml",
+    )  # fmt: skip
     init.add_argument(
         "robots", nargs="+", metavar="ROBOT",
         help="a URDF or MuJoCo model with several arms, or several: a path, package://… or "
@@ -178,19 +203,29 @@ def _add_init(commands: object) -> None:
     )
     init.add_argument("--overwrite", action="store_true", help="replace a file that is there")
     _add_telling(init)
-    init.set_defaults(run=_init)
 
 
-def _command(commands: object, name: str, text: str, run: object) -> argparse.ArgumentParser:
-    command: argparse.ArgumentParser = commands.add_parser(  # type: ignore[attr-defined]
-        name, help=text, description=f"{text[0].upper()}{text[1:]}."
+def _added(commands: _Commands, name: str, text: str, run: _Run, example: str) -> _Parser:
+    """A command with a help that ends in an example of its arguments."""
+    command = commands.add_parser(
+        name,
+        help=text,
+        description=f"{text[0].upper()}{text[1:]}.",
+        epilog=f"example:\n  copose {name} {example}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    command.set_defaults(run=run)
+    return command
+
+
+def _command(commands: _Commands, name: str, text: str, run: _Run, example: str) -> _Parser:
+    """A command that a problem file is given to."""
+    command = _added(commands, name, text, run, example)
     command.add_argument("problem", type=Path, metavar="PROBLEM.toml", help="the problem file")
     command.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE",
         help="in place of the file's, such as arms.left.base.position.y=0.4; repeatable",
     )  # fmt: skip
-    command.set_defaults(run=run)
     return command
 
 
@@ -343,8 +378,8 @@ def _path(arguments: argparse.Namespace) -> int:
 
         with _on_interrupt(watch.interrupt):
             motion = plan(problem, seed=arguments.seed, time_limit=arguments.time_limit)
+        from copose.formats import joint_trajectory_yaml, trajectory_csv
         from copose.report import motion_animation, motion_picture, motion_table
-        from copose.results import joint_trajectory_yaml, trajectory_csv
 
         makers: dict[str, Callable[[], bytes]] = {
             _TRAJECTORY: lambda: trajectory_csv(motion).encode(),
@@ -395,6 +430,14 @@ def _compare(arguments: argparse.Namespace) -> int:
     if not arguments.quiet:
         _print(comparison_table(found))
         _print_place(arguments.figure)
+    return SOLVED
+
+
+def _export(arguments: argparse.Namespace) -> int:
+    with _watched(arguments):
+        file = export_result(arguments)
+    if not arguments.quiet:
+        _print_place(file)
     return SOLVED
 
 

@@ -1,6 +1,6 @@
 """What is answered: postures, evidence, timings as frozen data, JSON in and out."""
 
-from copose.results.files import read_motion, read_solution, to_json, write_file
+from copose.results.files import read_motion, read_result, read_solution, to_json, write_file
 from copose.results.limits import AccelerationRecord, ExactSetRecord, WrenchRecord
 from copose.results.motion import (
     JointRecord,
@@ -33,7 +33,6 @@ from copose.results.solution import (
     link_records,
     place,
 )
-from copose.results.trajectory import joint_trajectory_yaml, trajectory_csv
 
 __all__ = [
     "AccelerationRecord",
@@ -67,14 +66,13 @@ __all__ = [
     "VerificationRecord",
     "WrenchRecord",
     "frame",
-    "joint_trajectory_yaml",
     "link_records",
     "matrix",
     "place",
     "read_motion",
+    "read_result",
     "read_solution",
     "to_json",
-    "trajectory_csv",
     "vector",
     "write_file",
 ]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from pydantic import ValidationError
+from pydantic_core import from_json
 
 from copose.errors import InputError
 from copose.problem import read_text
@@ -47,9 +48,28 @@ def read_motion(path: str | Path) -> Motion:
     return _read(path, Motion)
 
 
-def _read(path: str | Path, model: type[_Result]) -> _Result:
+def read_result(path: str | Path) -> Solution | Motion:
+    """Read a ``result.json`` of either kind.
+
+    Raises:
+        InputError: it cannot be read or is no result.
+    """
     file = Path(path)
     text = read_text(file, _MOST_BYTES)
+    try:
+        data = from_json(text)
+    except ValueError as error:
+        raise InputError(f"is no copose result ({error})", file=file) from None
+    moves = isinstance(data, dict) and "knots" in data
+    return _parsed(text, file, Motion) if moves else _parsed(text, file, Solution)
+
+
+def _read(path: str | Path, model: type[_Result]) -> _Result:
+    file = Path(path)
+    return _parsed(read_text(file, _MOST_BYTES), file, model)
+
+
+def _parsed(text: str, file: Path, model: type[_Result]) -> _Result:
     try:
         answer = model.model_validate_json(text, strict=True)
     except ValidationError as error:

@@ -1,7 +1,16 @@
 """Each arm as plain numbers: joints, placements, inertias, limits."""
 
 from copose.robots.arm import Arm, Body, Joint, finite_range
-from copose.robots.loading import load_arms
+from copose.robots.loading import WholeRobot, load_arms, whole_robots
 from copose.robots.start import ArmStart
 
-__all__ = ["Arm", "ArmStart", "Body", "Joint", "finite_range", "load_arms"]
+__all__ = [
+    "Arm",
+    "ArmStart",
+    "Body",
+    "Joint",
+    "WholeRobot",
+    "finite_range",
+    "load_arms",
+    "whole_robots",
+]

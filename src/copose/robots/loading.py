@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from copose.errors import InputError, arm_key
@@ -9,6 +11,31 @@ from copose.problem import PlanarArm, Problem, RobotArm
 from copose.robots.arm import Arm
 from copose.robots.planar import planar_arm
 from copose.robots.robot import RobotOnBase, RobotsRead, read_robot, robot_arm
+from copose.robots.tree import Tree
+
+
+@dataclass(frozen=True, eq=False)
+class WholeRobot:
+    """A robot with all arms that are parts of it.
+
+    Attributes:
+        tree: its links and joints.
+        arms: by name, the joints that they move.
+        locked: joints that any of the arms' tables holds, rad or m.
+    """
+
+    tree: Tree
+    arms: Mapping[str, tuple[str, ...]]
+    locked: Mapping[str, float]
+
+    def positions(self, joints: Mapping[str, Sequence[float]]) -> dict[str, float]:
+        """Where every movable joint stands, rad or m, by its arms' positions."""
+        moved = {
+            name: position
+            for arm, names in self.arms.items()
+            for name, position in zip(names, joints[arm], strict=True)
+        }
+        return dict(self.tree.standing({**self.locked, **moved}).at)
 
 
 def load_arms(problem: Problem) -> tuple[Arm, ...]:
@@ -19,42 +46,79 @@ def load_arms(problem: Problem) -> tuple[Arm, ...]:
             that eats a joint's range, or two arms that do not move independently.
     """
     try:
-        arms = _load(problem)
+        planar = [spec for spec in problem.arms if isinstance(spec, PlanarArm)]
+        if planar:
+            arms = [planar_arm(spec, arm_key(i, spec.name)) for i, spec in enumerate(planar)]
+        else:
+            arms = [part.arm for part in _parts(problem)]
         for i, arm in enumerate(arms):
             _check(arm, problem, arm_key(i, arm.name))
     except InputError as error:
         raise InputError(error.message, key=error.key, file=problem.source) from None
-    return arms
+    return tuple(arms)
 
 
-def _load(problem: Problem) -> tuple[Arm, ...]:
-    planar = [spec for spec in problem.arms if isinstance(spec, PlanarArm)]
-    if planar:
-        return tuple(planar_arm(spec, arm_key(i, spec.name)) for i, spec in enumerate(planar))
+def whole_robots(problem: Problem) -> tuple[WholeRobot, ...]:
+    """The robots of a spatial problem, in the order of their first arms.
+
+    Raises:
+        InputError: a robot cannot be read, or two arms do not move independently.
+    """
+    teams: list[list[_Part]] = []
+    try:
+        parts = _parts(problem)
+    except InputError as error:
+        raise InputError(error.message, key=error.key, file=problem.source) from None
+    for part in parts:
+        team = next((team for team in teams if team[0].whole.same(part.whole)), None)
+        if team is None:
+            teams.append([part])
+        else:
+            team.append(part)
+    return tuple(
+        WholeRobot(
+            tree=team[0].tree,
+            arms={part.arm.name: part.arm.joint_names for part in team},
+            locked={name: at for part in team for name, at in part.spec.locked.items()},
+        )
+        for team in teams
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """An arm with its table, and the robot that it is part of."""
+
+    spec: RobotArm
+    arm: Arm
+    tree: Tree
+    whole: RobotOnBase
+
+
+def _parts(problem: Problem) -> list[_Part]:
     folder = problem.source.parent if problem.source is not None else Path()
     read: RobotsRead = {}
-    arms: list[Arm] = []
-    robots: list[RobotOnBase] = []
+    parts: list[_Part] = []
     for i, spec in enumerate(spec for spec in problem.arms if isinstance(spec, RobotArm)):
         key = arm_key(i, spec.name)
         robot = read_robot(spec, folder, key, read)
         arm, whole = robot_arm(spec, robot, key, weighed=not problem.kinematic)
-        for other, its_whole in zip(arms, robots, strict=True):
-            clash = whole.clash(its_whole)
+        for part in parts:
+            other = part.arm
+            clash = whole.clash(part.whole)
             if clash is not None:
                 raise InputError(
                     f"arms {other.name!r} and {arm.name!r} are one robot and {clash}",
                     key=f"{key}.locked",
                 )
-            if whole.same(its_whole) and "base" in (*arm.free, *other.free):
+            if whole.same(part.whole) and "base" in (*arm.free, *other.free):
                 raise InputError(
                     f"arms {other.name!r} and {arm.name!r} are one robot, whose base cannot be "
                     "moved for one of them; let the object move instead",
                     key=f"{key}.freedom.base",
                 )
-        arms.append(arm)
-        robots.append(whole)
-    return tuple(arms)
+        parts.append(_Part(spec, arm, robot.tree, whole))
+    return parts
 
 
 def _check(arm: Arm, problem: Problem, key: str) -> None:

@@ -127,7 +127,7 @@ class _Reader:
                 place = Pose.from_quaternion(m.site_pos[site], m.site_quat[site])
                 order.append(self._fixed(parent, name, place))
                 links[name] = _frame()
-        keyframe, home = self._home()
+        keyframe, qpos = self._home()
         return Tree(
             file=self.file,
             name=m.names[: m.names.index(b"\0")].decode(errors="replace"),
@@ -139,7 +139,12 @@ class _Reader:
             model=m,
             bodies={name: body for body, name in enumerate(self.links)},
             keyframe=keyframe,
-            home=home,
+            qpos=qpos,
+            addresses={
+                name: int(m.jnt_qposadr[j])
+                for j, name in enumerate(self.joints)
+                if self._kind(j) in MOVABLE
+            },
         )
 
     @cached_property
@@ -405,19 +410,14 @@ class _Reader:
             found.append(int(self.model.body_parentid[found[-1]]))
         return found
 
-    def _home(self) -> tuple[str, dict[str, float]]:
-        """The keyframe ``home``, or the first, and where joints are in it."""
+    def _home(self) -> tuple[str, Array]:
+        """The keyframe ``home``, or the first, and all positions in it."""
         m = self.model
         if not m.nkey:
-            return "", {}
+            return "", frozen_array(m.qpos0)
         names = self._names("KEY", m.nkey)
         k = names.index("home") if "home" in names else 0
-        home = {
-            name: float(m.key_qpos[k, m.jnt_qposadr[j]])
-            for j, name in enumerate(self.joints)
-            if self._kind(j) in MOVABLE
-        }
-        return names[k] or "1", home
+        return names[k] or "1", frozen_array(m.key_qpos[k])
 
 
 def _frame() -> TreeLink:

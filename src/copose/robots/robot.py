@@ -268,7 +268,7 @@ def _at_keyframe(
     spec: RobotArm, tree: Tree, joints: Sequence[Joint]
 ) -> tuple[Array | None, tuple[str, ...]]:
     """The start that a robot's file has, or None where it is outside the limits; and a note."""
-    q = np.array([tree.home[joint.name] for joint in joints])
+    q = np.array([tree.qpos[tree.addresses[joint.name]] for joint in joints])
     low, high = np.array([(joint.lower, joint.upper) for joint in joints]).T
     where = f"keyframe {tree.keyframe!r} of {tree.file.name}"
     outside = [j.name for j, x in zip(joints, q, strict=True) if not j.lower <= x <= j.upper]

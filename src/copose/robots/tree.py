@@ -134,7 +134,8 @@ class Tree:
         model: a MuJoCo model, compiled; None of a URDF.
         bodies: by link that is one, its number in that model.
         keyframe: the name of the keyframe that arms start at; empty where there is none.
-        home: positions of joints there.
+        qpos: of a MuJoCo model, all its positions there, else those that it is written at, (nq,).
+        addresses: of the movable joints in them.
     """
 
     file: Path
@@ -148,7 +149,8 @@ class Tree:
     model: Any = None
     bodies: Mapping[str, int] = field(default_factory=dict)
     keyframe: str = ""
-    home: Mapping[str, float] = field(default_factory=dict)
+    qpos: Array = field(default_factory=lambda: np.zeros(0))
+    addresses: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def source(self) -> object:

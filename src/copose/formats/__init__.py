@@ -1,0 +1,14 @@
+"""Postures and motions in the formats of other programs."""
+
+from copose.formats.export import FORMATS, export, exported_text, usual_name
+from copose.formats.ros import joint_trajectory_yaml
+from copose.formats.tables import trajectory_csv
+
+__all__ = [
+    "FORMATS",
+    "export",
+    "exported_text",
+    "joint_trajectory_yaml",
+    "trajectory_csv",
+    "usual_name",
+]

@@ -1,0 +1,105 @@
+"""Results in the formats of other programs, by the formats' names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from copose.errors import InputError, nearest
+from copose.formats.keyframes import keyframes_xml
+from copose.formats.moveit import robot_state_yaml, robot_trajectory_yaml
+from copose.formats.postures import ExportedPosture
+from copose.formats.ros import joint_state_yaml, joint_trajectory_yaml
+from copose.formats.srdf import group_state_srdf
+from copose.formats.tables import posture_csv, trajectory_csv
+from copose.problem import SPACES, Problem
+from copose.results import Motion, Solution, write_file
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format.
+
+    Attributes:
+        posture_file: what the file of a posture is called.
+        posture: its text.
+        motion_file: of a motion; empty where there are none in this format.
+        motion: its text.
+        planar: whether arms that have no robot file can be written.
+    """
+
+    posture_file: str
+    posture: Callable[[ExportedPosture], str]
+    motion_file: str = ""
+    motion: Callable[[Motion], str] | None = None
+    planar: bool = False
+
+
+FORMATS = {
+    "moveit": Format(
+        "robot_state.yaml", robot_state_yaml, "robot_trajectory.yaml", robot_trajectory_yaml
+    ),
+    "srdf": Format("group_state.srdf", group_state_srdf),
+    "mujoco": Format("keyframe.xml", keyframes_xml),
+    "ros": Format(
+        "joint_state.yaml", joint_state_yaml, "trajectory.yaml", joint_trajectory_yaml, planar=True
+    ),
+    "csv": Format("posture.csv", posture_csv, "trajectory.csv", trajectory_csv, planar=True),
+}
+
+
+def export(
+    result: Solution | Motion,
+    to: str,
+    path: str | Path,
+    *,
+    problem: Problem | None = None,
+    case: str | None = None,
+) -> None:
+    """Write a result's best posture, or a motion, in the format of another program.
+
+    Args:
+        result: with ``after``, ``cases`` or ``knots``.
+        to: moveit (RobotState or RobotTrajectory), srdf (group_state), mujoco (keyframe), ros
+            (JointState or JointTrajectory) or csv.
+        path: of the file.
+        problem: that was solved, which mujoco needs; else it is read from the file that the
+            result names.
+        case: whose posture it is, of several; else the first.
+
+    Raises:
+        InputError: there is no posture or motion, the format cannot hold it, or the file cannot
+            be written.
+    """
+    write_file(Path(path), exported_text(result, to, problem=problem, case=case).encode())
+
+
+def exported_text(
+    result: Solution | Motion, to: str, *, problem: Problem | None = None, case: str | None = None
+) -> str:
+    """What `export` writes."""
+    made = _format(to)
+    if SPACES[result.problem.space].planar and not made.planar:
+        legal = ", ".join(name for name, each in FORMATS.items() if each.planar)
+        raise InputError(f"planar arms have no robot file, which {to} is about; allowed: {legal}")
+    if isinstance(result, Solution):
+        return made.posture(ExportedPosture.of(result, case, problem))
+    if made.motion is None:
+        legal = ", ".join(name for name, each in FORMATS.items() if each.motion)
+        raise InputError(f"is a motion, and {to} holds one posture; allowed: {legal}")
+    if case is not None:
+        raise InputError(f"no case is called {case!r}: a motion has no cases", key="cases")
+    return made.motion(result)
+
+
+def usual_name(result: Solution | Motion, to: str) -> str:
+    """What the file of a result is called where nobody says."""
+    made = _format(to)
+    return made.posture_file if isinstance(result, Solution) else made.motion_file
+
+
+def _format(to: str) -> Format:
+    if to not in FORMATS:
+        raise InputError(f"{to!r} is no format{nearest(to, FORMATS)}")
+    return FORMATS[to]

@@ -1,0 +1,56 @@
+"""What is exported: a posture with all that says what it means, or the knots of a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from copose.errors import InputError, nearest
+from copose.problem import Problem
+from copose.results import Knot, Motion, Posture, Solution
+
+
+@dataclass(frozen=True)
+class ExportedPosture:
+    """A posture of a result.
+
+    Attributes:
+        solution: the result.
+        posture: its ``after``, or that of a case.
+        problem: that was solved; None where it is read from the file that the result names.
+    """
+
+    solution: Solution
+    posture: Posture
+    problem: Problem | None
+
+    @classmethod
+    def of(cls, solution: Solution, case: str | None, problem: Problem | None) -> ExportedPosture:
+        """A result's best posture: that of a case, of the first where none is named.
+
+        Raises:
+            InputError: there is none, or no such case.
+        """
+        cases = {each.name: each for each in solution.cases or ()}
+        if case is not None and case not in cases:
+            known = nearest(case, cases) if cases else "; the result has no cases"
+            raise InputError(f"no case is called {case!r}{known}", key="cases")
+        found = cases[case] if case is not None else next(iter(cases.values()), solution.after)
+        if found is None:
+            raise InputError(f"has no posture to export, it is {solution.status}{_why(solution)}")
+        return cls(solution, found, problem)
+
+
+def knots(motion: Motion) -> Iterable[tuple[float, Knot]]:
+    """The times and postures of a motion.
+
+    Raises:
+        InputError: nothing moves.
+    """
+    if motion.time is None or motion.knots is None:
+        raise InputError(f"has no motion to export, it is {motion.status}{_why(motion)}")
+    return zip(motion.time, motion.knots, strict=True)
+
+
+def _why(result: Solution | Motion) -> str:
+    return f": {result.reason}" if result.reason else ""

@@ -1,0 +1,65 @@
+"""Messages of ROS as YAML: a posture is a JointState, a motion a JointTrajectory."""
+
+from __future__ import annotations
+
+from copose.formats.names import listed, stacked, unique_names
+from copose.formats.postures import ExportedPosture, knots
+from copose.results import Motion
+
+_HEADER = 'header: {stamp: {sec: 0, nanosec: 0}, frame_id: ""}'
+
+
+def joint_state_yaml(exported: ExportedPosture) -> str:
+    """A ``sensor_msgs/JointState`` of the joints that the arms move, at rest.
+
+    Raises:
+        InputError: two joints would have one name.
+    """
+    names = unique_names(exported.solution.joint_names)
+    lines = [
+        _HEADER,
+        f"name: {_names(listed(names))}",
+        f"position: {_numbers(stacked(names, exported.posture.joints))}",
+        "velocity: []",
+        "effort: []",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def joint_trajectory_yaml(motion: Motion) -> str:
+    """A ``trajectory_msgs/JointTrajectory``; ``effort`` is empty where the torque is unknown.
+
+    Raises:
+        InputError: nothing moves, or two joints would have one name.
+    """
+    names = unique_names(motion.joint_names)
+    lines = [_HEADER, f"joint_names: {_names(listed(names))}", "points:"]
+    for time, knot in knots(motion):
+        sec, nanosec = divmod(round(time * 1e9), 10**9)
+        lines += [
+            f"- positions: {_numbers(stacked(names, knot.joints))}",
+            f"  velocities: {_numbers(stacked(names, knot.velocity))}",
+            f"  accelerations: {_numbers(stacked(names, knot.acceleration))}",
+            f"  effort: {_numbers(stacked(names, knot.torque) if knot.torque else [])}",
+            f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _names(names: list[str]) -> str:
+    return f"[{', '.join(map(_quoted, names))}]"
+
+
+def _numbers(values: list[float]) -> str:
+    return f"[{', '.join(map(_number, values))}]"
+
+
+def _number(value: float) -> str:
+    # YAML 1.1, which ROS reads, takes 1e-05 for a word and 1.0e-05 for a number.
+    digits, e, power = repr(value).partition("e")
+    return digits + (".0" if e and "." not in digits else "") + e + power
+
+
+def _quoted(word: str) -> str:
+    plain = (c if c.isprintable() and c not in '"\\' else f"\\U{ord(c):08x}" for c in word)
+    return f'"{"".join(plain)}"'

@@ -1,0 +1,45 @@
+"""A posture as group states of an SRDF."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable
+
+from copose.formats.markup import xml_text
+from copose.formats.names import unique_names
+from copose.formats.postures import ExportedPosture
+
+
+def group_state_srdf(exported: ExportedPosture) -> str:
+    """Groups of the arms' joints and, each called as the problem, their states.
+
+    The first state is that of all arms: of states of one name Pinocchio reads the first.
+
+    Raises:
+        InputError: two joints would have one name, or a name is none in XML.
+    """
+    title = exported.solution.problem.name
+    names = unique_names(exported.solution.joint_names)
+    joints = {
+        arm: list(zip(names[arm], exported.posture.joints[arm], strict=True)) for arm in names
+    }
+    robot = ET.Element("robot", name=title)
+    for arm, mine in joints.items():
+        group = ET.SubElement(robot, "group", name=arm)
+        for joint, _ in mine:
+            ET.SubElement(group, "joint", name=joint)
+    if len(joints) > 1:
+        together = " and ".join(joints)
+        group = ET.SubElement(robot, "group", name=together)
+        for arm in joints:
+            ET.SubElement(group, "group", name=arm)
+        _state(robot, title, together, (each for mine in joints.values() for each in mine))
+    for arm, mine in joints.items():
+        _state(robot, title, arm, mine)
+    return xml_text(robot)
+
+
+def _state(robot: ET.Element, title: str, group: str, joints: Iterable[tuple[str, float]]) -> None:
+    state = ET.SubElement(robot, "group_state", name=title, group=group)
+    for joint, position in joints:
+        ET.SubElement(state, "joint", name=joint, value=repr(position))
