@@ -11,15 +11,15 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, TextIO, TypeAlias
+from typing import TYPE_CHECKING, NoReturn, TypeAlias
 
 from copose import interrupt
 from copose.errors import InputError, one_line, shown
 from copose.export_command import add_arguments, export_result
-from copose.progress import Progress, Tell, Watch, sheltered, stage, watched
+from copose.progress import sheltered, stage
+from copose.terminal import print_place, print_rich, printing, tell, watching
 from copose.version import __version__
 
 if TYPE_CHECKING:
@@ -34,8 +34,6 @@ READER_GONE = 128 + 13
 _STATUS = {"solved": SOLVED, "infeasible": INFEASIBLE, "failed": FAILED}
 _RESULT, _PICTURE = "result.json", "before_after.png"
 _TRAJECTORY, _ROS, _WAY, _FILM = "trajectory.csv", "trajectory.yaml", "path.png", "path.gif"
-# Columns that tables need to show all digits; on narrower terminals their lines are wrapped.
-_NARROWEST = 80
 _FIGURE = "also draw a .png, .pdf or .svg"
 _MISS = f"{_FIGURE}; of an infeasible problem, its nearest miss"
 
@@ -56,13 +54,13 @@ def main(argv: Sequence[str] | None = None, *, began: float | None = None) -> in
             arguments = _parser().parse_args(argv)
         except SystemExit:
             # After --help and --version: mistakes are input errors here.
-            with _printing():
+            with printing():
                 return SOLVED
         arguments.began = began
         status: int = arguments.run(arguments)
         return status
     except InputError as error:
-        _tell(str(error))
+        tell(str(error))
         return WRONG_INPUT
     except BrokenPipeError:
         return READER_GONE
@@ -75,7 +73,7 @@ class _Parser(argparse.ArgumentParser):
 
     def print_help(self, file: object = None) -> None:
         # argparse would pass over a reader that has gone.
-        with _printing():
+        with printing():
             sys.stdout.write(self.format_help())
 
 
@@ -318,7 +316,7 @@ def _named_numbers(text: str) -> tuple[str, list[float]]:
 
 
 def _init(arguments: argparse.Namespace) -> int:
-    with _watched(arguments):
+    with watching(arguments):
         from copose.setup import Wishes, default_name, draft
 
         file = arguments.output
@@ -341,18 +339,18 @@ def _init(arguments: argparse.Namespace) -> int:
     if not arguments.quiet:
         from rich.text import Text
 
-        _print(Text("\n".join(["guessed:", *(f"  {guess}" for guess in made.guesses)])))
-        _print_place(file)
+        print_rich(Text("\n".join(["guessed:", *(f"  {guess}" for guess in made.guesses)])))
+        print_place(file)
     missed = [start for start in made.starts if not start.closed]
     if missed:
         told = (f"arm {start.arm.name!r} misses its grasp by {start.miss}" for start in missed)
-        _tell(f"no posture that closes was found: {'; '.join(told)}")
+        tell(f"no posture that closes was found: {'; '.join(told)}")
         return INFEASIBLE
     return SOLVED
 
 
 def _solve(arguments: argparse.Namespace) -> int:
-    with _watched(arguments) as watch:
+    with watching(arguments) as watch:
         folder, problem = _prepare(arguments, (_PICTURE,))
         from copose.planning import solve
 
@@ -372,7 +370,7 @@ def _solve(arguments: argparse.Namespace) -> int:
 
 def _path(arguments: argparse.Namespace) -> int:
     wanted = {_TRAJECTORY: True, _ROS: arguments.ros, _WAY: True, _FILM: arguments.animate}
-    with _watched(arguments) as watch:
+    with watching(arguments) as watch:
         folder, problem = _prepare(arguments, [name for name, asked in wanted.items() if asked])
         from copose.paths import plan
 
@@ -398,7 +396,7 @@ def _path(arguments: argparse.Namespace) -> int:
 
 
 def _evaluate(arguments: argparse.Namespace) -> int:
-    with _watched(arguments):
+    with watching(arguments):
         folder, problem = _prepare(arguments, (_PICTURE,))
         from copose.planning import evaluate
         from copose.results import read_solution
@@ -415,7 +413,7 @@ def _evaluate(arguments: argparse.Namespace) -> int:
 
 
 def _compare(arguments: argparse.Namespace) -> int:
-    with _watched(arguments):
+    with watching(arguments):
         from copose.report import check_format, compare, comparison_table, draw_comparison
         from copose.results import read_solution
 
@@ -428,21 +426,21 @@ def _compare(arguments: argparse.Namespace) -> int:
         with _spared(arguments.figure):
             draw_comparison(found, arguments.figure, arguments.style)
     if not arguments.quiet:
-        _print(comparison_table(found))
-        _print_place(arguments.figure)
+        print_rich(comparison_table(found))
+        print_place(arguments.figure)
     return SOLVED
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    with _watched(arguments):
+    with watching(arguments):
         file = export_result(arguments)
     if not arguments.quiet:
-        _print_place(file)
+        print_place(file)
     return SOLVED
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    with _watched(arguments):
+    with watching(arguments):
         from copose.paths import described
         from copose.planning import check
         from copose.report import chains, check_format, draw_start
@@ -458,16 +456,16 @@ def _check(arguments: argparse.Namespace) -> int:
             stage("drawing")
             with _spared(figure):
                 draw_start(problem, found.starts, figure, arguments.style)
-    _print(chains(problem, found.starts, found.notes, way))
+    print_rich(chains(problem, found.starts, found.notes, way))
     if figure is not None:
-        _print_place(figure)
+        print_place(figure)
     return SOLVED
 
 
 def _schema(arguments: argparse.Namespace) -> int:
     from copose.problem import SCHEMA, read_text
 
-    with _printing():
+    with printing():
         sys.stdout.write(read_text(SCHEMA))
     return SOLVED
 
@@ -479,12 +477,12 @@ def _manual(arguments: argparse.Namespace) -> int:
     from copose.manual import page, topics
 
     if arguments.topic is not None:
-        _print(Markdown(page(arguments.topic)))
+        print_rich(Markdown(page(arguments.topic)))
         return SOLVED
     table = Table.grid(padding=(0, 2))
     for topic, title in topics().items():
         table.add_row(topic, title)
-    _print(table)
+    print_rich(table)
     return SOLVED
 
 
@@ -581,10 +579,10 @@ def _spared(file: Path) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        _tell(f"warning: {error}")
+        tell(f"warning: {error}")
     except Exception as error:
         # Whatever may go wrong in a drawing: fonts, settings, what Matplotlib itself lacks.
-        _tell(f"warning: {file}: {type(error).__name__}: {error}")
+        tell(f"warning: {file}: {type(error).__name__}: {error}")
 
 
 def _say(
@@ -594,66 +592,14 @@ def _say(
     if arguments.json:
         from copose.results import to_json
 
-        with _printing():
+        with printing():
             sys.stdout.write(to_json(answer))
     elif not arguments.quiet:
-        _print(table)
-        _print_place(folder)
+        print_rich(table)
+        print_place(folder)
     if answer.reason is not None:
-        _tell(f"{answer.status}: {answer.reason}")
+        tell(f"{answer.status}: {answer.reason}")
     return _STATUS[answer.status]
-
-
-def _print_place(place: Path) -> None:
-    from rich.text import Text
-
-    _print(Text(f"written to {place}"))
-
-
-def _print(content: RenderableType) -> None:
-    from rich.console import Console
-
-    console = Console(highlight=False)
-    console.width = max(console.width, _NARROWEST)
-    with _printing():
-        # Rich itself would end the process where nobody reads.
-        with console.capture() as printed:
-            console.print(content)
-        sys.stdout.write(printed.get())
-
-
-@contextlib.contextmanager
-def _printing() -> Iterator[None]:
-    """Output that is written to standard output at once.
-
-    Raises:
-        BrokenPipeError: the reader has gone.
-        InputError: it cannot be written to, on a full disk say.
-    """
-    try:
-        with _emptied(sys.stdout):
-            yield
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        raise InputError(f"cannot print: {error.strerror}") from None
-
-
-def _tell(words: str) -> None:
-    """Print a line on standard error, where that can be written to."""
-    with contextlib.suppress(OSError), _emptied(sys.stderr):
-        sys.stderr.write(f"{one_line(f'copose: {words}')}\n")
-
-
-@contextlib.contextmanager
-def _emptied(stream: TextIO) -> Iterator[None]:
-    """A stream that is flushed; what it cannot write is not tried again as the process ends."""
-    try:
-        yield
-        stream.flush()
-    except OSError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-        raise
 
 
 @contextlib.contextmanager
@@ -686,65 +632,5 @@ def _interrupted(
         with sheltered():
             _write(answer, folder, beside)
         written = f": the best so far is in {folder / _RESULT}"
-    _tell(f"interrupted{written}")
+    tell(f"interrupted{written}")
     return interrupt.INTERRUPTED
-
-
-@contextlib.contextmanager
-def _watched(arguments: argparse.Namespace) -> Iterator[Watch]:
-    """A command that shows what it is doing."""
-    with _shown(arguments) as tell, watched(tell, began=arguments.began) as watch:
-        stage("reading")
-        yield watch
-
-
-@contextlib.contextmanager
-def _shown(arguments: argparse.Namespace) -> Iterator[Tell | None]:
-    """What shows progress on stderr: lines if they are asked for, else one that changes on a
-    terminal, and nothing in a pipe.
-    """
-    if arguments.quiet or not (arguments.verbose or sys.stderr.isatty()):
-        yield None
-        return
-    from rich.console import Console
-
-    console = Console(stderr=True)
-    if arguments.verbose or console.is_dumb_terminal:
-        last = ""
-
-        def told(now: Progress) -> None:
-            nonlocal last
-            if now.stage != last:
-                last = now.stage
-                _tell(_in_words(replace(now, done=None, total=None), now.elapsed))
-
-        yield told
-        return
-    from rich.live import Live
-    from rich.text import Text
-
-    latest: Progress | None = None
-
-    def line() -> Text:
-        words = "" if latest is None else _in_words(latest, time.perf_counter() - arguments.began)
-        return Text(words, no_wrap=True, overflow="ellipsis")
-
-    with Live(get_renderable=line, console=console, transient=True, refresh_per_second=8) as live:
-
-        def show(now: Progress) -> None:
-            nonlocal latest
-            another = latest is None or now.stage != latest.stage
-            latest = now
-            if another:
-                # What follows may leave the thread that shows the time no turn.
-                live.refresh()
-
-        yield show
-
-
-def _in_words(now: Progress, elapsed: float) -> str:
-    """Time, stage, count and the best so far."""
-    count = "" if now.done is None else f" {now.done}"
-    count += "" if now.total is None else f"/{now.total}"
-    best = "" if now.best is None else f", best so far {now.best:.6g}"
-    return f"{elapsed:.1f} s: {now.stage}{count}{best}"
