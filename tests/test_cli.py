@@ -6,6 +6,8 @@ import itertools
 import json
 import math
 import os
+import re
+import shlex
 import stat
 import subprocess
 import sys
@@ -17,7 +19,8 @@ import pytest
 import copose
 import path_problems
 from cells import FILES, flat_arm, planar, tables, toml
-from copose.cli import main
+from copose.cli import _parser, main
+from reference import PROBLEMS
 
 
 @pytest.fixture
@@ -415,3 +418,43 @@ def test_progress_on_a_terminal_only(here: Path) -> None:
     os.close(leader)
     assert process.wait(timeout=60) == 0
     assert b"polishing" in seen and b"\x1b" in seen
+
+
+def test_every_help_ends_in_an_example_that_is_right(capsys) -> None:
+    assert main(["--help"]) == 0
+    listed = capsys.readouterr().out.partition("COMMAND\n")[2]
+    commands = re.findall(r"^    (\w+)", listed, re.M)
+    assert {"init", "solve", "export", "check", "manual", "schema"} <= {*commands}
+    for command in commands:
+        assert main([command, "--help"]) == 0
+        said, example = capsys.readouterr().out.rstrip().rsplit("\n", 1)
+        assert said.endswith("\nexample:")
+        words = shlex.split(example.partition(" > ")[0])
+        assert words[:2] == ["copose", command]
+        _parser().parse_args(words[1:])
+        for word in words[2:]:
+            assert not word.startswith("problems/") or (PROBLEMS.parent / word).is_file()
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("ev", {"evaluate"}),
+        ("solve --eff", {"--effort"}),
+        ("export r.json --to m", {"moveit", "mujoco"}),
+        ("manual pro", {"problem-files"}),
+        ("check cel", {"cell.toml"}),
+        ("solve cell.toml --effort ", {"low", "normal", "high"}),
+    ],
+)
+def test_shells_complete(here: Path, line: str, told: set[str]) -> None:
+    (here / "cell.toml").touch()
+    line = f"copose {line}"
+    asked = {
+        "_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)),
+        "_ARGCOMPLETE_IFS": "\n", "_ARGCOMPLETE_STDOUT_FILENAME": "told",
+    }  # fmt: skip
+    answer = run(env=os.environ | asked)
+    assert (answer.stdout, answer.stderr) == ("", "")
+    found = {word.strip() for word in (here / "told").read_text().split("\n")} - {""}
+    assert found == told

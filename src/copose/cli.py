@@ -51,7 +51,9 @@ def main(argv: Sequence[str] | None = None, *, began: float | None = None) -> in
             stream.reconfigure(errors="replace")  # type: ignore[union-attr]
     try:
         try:
-            arguments = _parser().parse_args(argv)
+            parser = _parser()
+            _complete(parser)
+            arguments = parser.parse_args(argv)
         except SystemExit:
             # After --help and --version: mistakes are input errors here.
             with printing():
@@ -64,6 +66,15 @@ def main(argv: Sequence[str] | None = None, *, began: float | None = None) -> in
         return WRONG_INPUT
     except BrokenPipeError:
         return READER_GONE
+
+
+def _complete(parser: argparse.ArgumentParser) -> None:
+    """Answer a shell that completes a line, if it is one that asks, and end the process."""
+    if "_ARGCOMPLETE" in os.environ:
+        with contextlib.suppress(ImportError):
+            import argcomplete
+
+            argcomplete.autocomplete(parser)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -157,7 +168,8 @@ def _parser() -> argparse.ArgumentParser:
     manual = _added(
         commands, "manual", "the manual, or the list of its topics", _manual, "problem-files"
     )
-    manual.add_argument("topic", nargs="?", metavar="TOPIC", help="what to read about")
+    topic = manual.add_argument("topic", nargs="?", metavar="TOPIC", help="what to read about")
+    topic.completer = _topics  # type: ignore[attr-defined]
 
     check = _command(
         commands, "check", "read the file and the robots, and print the chains", _check,
@@ -201,6 +213,12 @@ def _add_init(commands: _Commands) -> None:
     )
     init.add_argument("--overwrite", action="store_true", help="replace a file that is there")
     _add_telling(init)
+
+
+def _topics(**_: object) -> list[str]:
+    from copose.manual import topics
+
+    return list(topics())
 
 
 def _added(commands: _Commands, name: str, text: str, run: _Run, example: str) -> _Parser:
