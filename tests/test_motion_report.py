@@ -21,7 +21,7 @@ from cells import planar, toml
 from copose.cli import main
 from copose.errors import InputError
 from copose.formats import joint_trajectory_yaml, trajectory_csv
-from copose.report import draw, motion_animation, motion_picture, motion_table
+from copose.report import draw, motion_animation, motion_table, picture
 from copose.report.motion_charts import _spread
 from copose.report.motion_figure import motion_figure
 from copose.report.motion_limits import limit_shares
@@ -139,7 +139,7 @@ def printed(motion: Motion) -> str:
 
 def words(motion: Motion) -> str:
     """All that a picture says."""
-    drawn = motion_picture(motion, "svg").decode()
+    drawn = picture(motion, "svg").decode()
     return "\n".join(re.findall(r"<text[^>]*>([^<]*)</text>", drawn))
 
 
@@ -272,16 +272,16 @@ def test_two_knots_and_still_objects_are_drawn() -> None:
     for knot in data["knots"]:
         knot["object"] = data["knots"][0]["object"]
     motion = read(data)
-    assert motion_picture(motion, "png").startswith(b"\x89PNG")
+    assert picture(motion, "png").startswith(b"\x89PNG")
     assert len(film_frames(motion)) == 2
 
 
 def test_pictures_are_the_same_every_time(tmp_path: Path) -> None:
     motion = made("spatial")
     for kind in ("png", "pdf", "svg"):
-        assert motion_picture(motion, kind) == motion_picture(motion, kind)
+        assert picture(motion, kind) == picture(motion, kind)
     draw(motion, tmp_path / "way.png")
-    assert (tmp_path / "way.png").read_bytes() == motion_picture(motion, "png")
+    assert (tmp_path / "way.png").read_bytes() == picture(motion, "png")
     with pytest.raises(InputError, match="no motion to draw: arm 'arm 0'"):
         draw(nowhere(), tmp_path / "none.png")
 

@@ -395,12 +395,12 @@ def _path(arguments: argparse.Namespace) -> int:
         with _on_interrupt(watch.interrupt):
             motion = plan(problem, seed=arguments.seed, time_limit=arguments.time_limit)
         from copose.formats import joint_trajectory_yaml, trajectory_csv
-        from copose.report import motion_animation, motion_picture, motion_table
+        from copose.report import motion_animation, motion_table, picture
 
         makers: dict[str, Callable[[], bytes]] = {
             _TRAJECTORY: lambda: trajectory_csv(motion).encode(),
             _ROS: lambda: joint_trajectory_yaml(motion).encode(),
-            _WAY: lambda: motion_picture(motion, "png", arguments.style),
+            _WAY: lambda: picture(motion, "png", arguments.style),
             _FILM: lambda: motion_animation(motion, arguments.style),
         }
         solved = motion.status == "solved"

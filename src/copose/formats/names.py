@@ -30,8 +30,3 @@ def unique_names(names: ByArm) -> dict[str, tuple[str, ...]]:
 def listed(names: ByArm) -> list[str]:
     """The names of all arms' joints, in file order."""
     return [joint for joints in names.values() for joint in joints]
-
-
-def stacked(names: ByArm, parts: Mapping[str, Sequence[float]]) -> list[float]:
-    """Numbers by arm, in the order of `listed`."""
-    return [value for arm in names for value in parts[arm]]

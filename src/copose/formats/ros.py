@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from copose.formats.names import listed, stacked, unique_names
+import numpy as np
+
+from copose.formats.names import ByArm, listed, unique_names
 from copose.formats.postures import ExportedPosture, knots
-from copose.results import Motion
+from copose.poses import Array
+from copose.results import Motion, stacked
 
 _HEADER = 'header: {stamp: {sec: 0, nanosec: 0}, frame_id: ""}'
 
@@ -15,11 +18,10 @@ def joint_state_yaml(exported: ExportedPosture) -> str:
     Raises:
         InputError: two joints would have one name.
     """
-    names = unique_names(exported.solution.joint_names)
     lines = [
         _HEADER,
-        f"name: {_names(listed(names))}",
-        f"position: {_numbers(stacked(names, exported.posture.joints))}",
+        f"name: {_names(exported.solution.joint_names)}",
+        f"position: {_numbers(exported.posture.q)}",
         "velocity: []",
         "effort: []",
     ]
@@ -32,26 +34,25 @@ def joint_trajectory_yaml(motion: Motion) -> str:
     Raises:
         InputError: nothing moves, or two joints would have one name.
     """
-    names = unique_names(motion.joint_names)
-    lines = [_HEADER, f"joint_names: {_names(listed(names))}", "points:"]
+    lines = [_HEADER, f"joint_names: {_names(motion.joint_names)}", "points:"]
     for time, knot in knots(motion):
         sec, nanosec = divmod(round(time * 1e9), 10**9)
         lines += [
-            f"- positions: {_numbers(stacked(names, knot.joints))}",
-            f"  velocities: {_numbers(stacked(names, knot.velocity))}",
-            f"  accelerations: {_numbers(stacked(names, knot.acceleration))}",
-            f"  effort: {_numbers(stacked(names, knot.torque) if knot.torque else [])}",
+            f"- positions: {_numbers(knot.q)}",
+            f"  velocities: {_numbers(stacked(knot.velocity))}",
+            f"  accelerations: {_numbers(stacked(knot.acceleration))}",
+            f"  effort: {_numbers(stacked(knot.torque) if knot.torque else np.zeros(0))}",
             f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}",
         ]
     return "\n".join(lines) + "\n"
 
 
-def _names(names: list[str]) -> str:
-    return f"[{', '.join(map(_quoted, names))}]"
+def _names(names: ByArm) -> str:
+    return f"[{', '.join(map(_quoted, listed(unique_names(names))))}]"
 
 
-def _numbers(values: list[float]) -> str:
-    return f"[{', '.join(map(_number, values))}]"
+def _numbers(values: Array) -> str:
+    return f"[{', '.join(map(_number, values.tolist()))}]"
 
 
 def _number(value: float) -> str:

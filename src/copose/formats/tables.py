@@ -6,15 +6,13 @@ import csv
 import io
 from collections.abc import Iterable
 
-from copose.formats.names import ByArm, stacked
 from copose.formats.postures import ExportedPosture, knots
 from copose.results import Motion
 
 
 def posture_csv(exported: ExportedPosture) -> str:
     """``arm/joint, …`` and one row, rad or m."""
-    names = exported.solution.joint_names
-    return _text(_columns(names), [stacked(names, exported.posture.joints)])
+    return _text([*exported.solution.q_names], [exported.posture.q.tolist()])
 
 
 def trajectory_csv(motion: Motion) -> str:
@@ -23,13 +21,8 @@ def trajectory_csv(motion: Motion) -> str:
     Raises:
         InputError: nothing moves.
     """
-    names = motion.joint_names
-    rows = ([time, *stacked(names, knot.joints)] for time, knot in knots(motion))
-    return _text(["time", *_columns(names)], rows)
-
-
-def _columns(names: ByArm) -> list[str]:
-    return [f"{arm}/{joint}" for arm, joints in names.items() for joint in joints]
+    rows = ([time, *knot.q.tolist()] for time, knot in knots(motion))
+    return _text(["time", *motion.q_names], rows)
 
 
 def _text(header: list[str], rows: Iterable[list[float]]) -> str:

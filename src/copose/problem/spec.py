@@ -16,6 +16,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from copose.display import Displayed
 from copose.errors import shown
 from copose.problem.aims import (
     AccelerationObjective,
@@ -86,7 +87,7 @@ class SearchSpec(Spec):
     reachable: bool = False
 
 
-class Problem(Spec):
+class Problem(Displayed, Spec):
     """A problem file; `copose.load` reads one, `copose.parse` takes the same as a dict.
 
     Attributes:

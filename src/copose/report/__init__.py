@@ -7,9 +7,11 @@ from copose.report.picture import (
     draw,
     draw_comparison,
     draw_start,
+    figure,
     motion_animation,
-    motion_picture,
     picture,
+    saved,
+    starts_figure,
 )
 from copose.report.tables import chains, solution_table
 
@@ -22,9 +24,11 @@ __all__ = [
     "draw",
     "draw_comparison",
     "draw_start",
+    "figure",
     "motion_animation",
-    "motion_picture",
     "motion_table",
     "picture",
+    "saved",
     "solution_table",
+    "starts_figure",
 ]

@@ -11,8 +11,9 @@ import threading
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, overload
 
 from copose.errors import InputError
 from copose.problem import SPACES, Problem
@@ -45,31 +46,15 @@ def check_format(path: Path) -> None:
         )
 
 
-def picture(solution: Solution, kind: str, style: Style = "bodies") -> bytes:
+def picture(answer: Solution | Motion, kind: str, style: Style = "bodies") -> bytes:
     """A result's picture as a file's content.
 
     Args:
-        solution: with at least one posture.
+        answer: with at least one posture.
         kind: png, pdf or svg.
         style: how arms in space are drawn.
     """
-    solution = _styled(solution, style)
-    heading = looks.heading(solution)
-    return _rendered(looks.panels(solution), case_rows(solution), heading, kind)
-
-
-def motion_picture(motion: Motion, kind: str, style: Style = "bodies") -> bytes:
-    """A motion's picture as a file's content.
-
-    Args:
-        motion: with knots.
-        kind: png, pdf or svg.
-        style: how arms in space are drawn.
-    """
-    with _drawing():
-        from copose.report.motion_figure import motion_figure
-
-        return _saved(motion_figure(_styled(motion, style)), kind)
+    return saved(figure(answer, style), kind)
 
 
 def motion_animation(motion: Motion, style: Style = "bodies") -> bytes:
@@ -93,7 +78,27 @@ def _styled(answer: _Answer, style: Style) -> _Answer:
     return answer.model_copy(update={"problem": problem})
 
 
-def _rendered(panels: list[looks.Panel], rows: list[Row], heading: str, kind: str) -> bytes:
+def figure(answer: Solution | Motion, style: Style = "bodies") -> Figure:
+    """A result's picture as a Matplotlib figure that pyplot does not know.
+
+    Raises:
+        InputError: the result has no posture to draw.
+    """
+    if isinstance(answer, Motion):
+        if answer.knots is None:
+            raise InputError(f"no motion to draw: {answer.reason}")
+        with _drawing():
+            from copose.report.motion_figure import motion_figure
+
+            return motion_figure(_styled(answer, style))
+    solution = _styled(answer, style)
+    panels, rows = looks.panels(solution), case_rows(solution)
+    if not panels and not rows:
+        raise InputError(f"no posture to draw: {solution.reason}")
+    return _figure(panels, rows, looks.heading(solution))
+
+
+def _figure(panels: list[looks.Panel], rows: list[Row], heading: str) -> Figure:
     """The rows where there are some, else the panels."""
     with _drawing():
         from copose.report.cases import cases_figure
@@ -101,12 +106,10 @@ def _rendered(panels: list[looks.Panel], rows: list[Row], heading: str, kind: st
         from copose.report.spatial import spatial_figure
 
         if rows:
-            figure = cases_figure(rows, heading)
-        elif SPACES[panels[0].solution.problem.space].planar:
-            figure = planar_figure(panels, heading)
-        else:
-            figure = spatial_figure(panels, heading)
-        return _saved(figure, kind)
+            return cases_figure(rows, heading)
+        if SPACES[panels[0].solution.problem.space].planar:
+            return planar_figure(panels, heading)
+        return spatial_figure(panels, heading)
 
 
 @contextlib.contextmanager
@@ -150,36 +153,54 @@ def _matplotlib() -> Any:
     return matplotlib
 
 
-def _saved(figure: Figure, kind: str) -> bytes:
+def saved(figure: Figure, kind: str) -> bytes:
+    """A figure as the content of a png, pdf or svg file."""
     # The date that these formats carry would make the same result look different every time.
     metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
     sink = io.BytesIO()
-    figure.savefig(sink, format=kind, dpi=120, facecolor="white", metadata=metadata)
+    with _drawing():
+        figure.savefig(sink, format=kind, dpi=120, facecolor="white", metadata=metadata)
     return sink.getvalue()
 
 
-def draw(solution: Solution | Motion, path: str | Path, style: Style = "bodies") -> None:
-    """Draw a result's postures, or a motion, into a .png, .pdf or .svg file.
+@overload
+def draw(solution: Solution | Motion, path: None = None, style: Style = "bodies") -> Figure: ...
+@overload
+def draw(solution: Solution | Motion, path: str | Path, style: Style = "bodies") -> None: ...
+def draw(
+    solution: Solution | Motion, path: str | Path | None = None, style: Style = "bodies"
+) -> Figure | None:
+    """Draw a result's postures, or a motion.
 
     Args:
         solution: what is drawn.
-        path: the file.
+        path: of a .png, .pdf or .svg file.
         style: how arms in space are drawn: by their links' convex hulls, or as sticks between
             their joints.
+
+    Returns:
+        Without a path a Matplotlib figure, which pyplot does not know and a notebook shows.
 
     Raises:
         InputError: the file cannot be written, or the result has no posture to draw.
     """
+    if path is None:
+        drawn = figure(solution, style)
+        # Notebooks that never load pyplot would print no more than the figure's size.
+        drawn._repr_png_ = partial(saved, drawn, "png")  # type: ignore[attr-defined]
+        return drawn
     file = Path(path)
     check_format(file)
-    if isinstance(solution, Motion):
-        if solution.knots is None:
-            raise InputError(f"no motion to draw: {solution.reason}")
-        write_file(file, motion_picture(solution, file.suffix.lower()[1:], style))
-        return
-    if not looks.panels(solution) and not case_rows(solution):
-        raise InputError(f"no posture to draw: {solution.reason}")
     write_file(file, picture(solution, file.suffix.lower()[1:], style))
+    return None
+
+
+def starts_figure(problem: Problem, starts: Sequence[ArmStart], style: Style = "bodies") -> Figure:
+    """Arms at their starts, with the frames of object, tips and grasps."""
+    with _drawing():
+        from copose.report.start_figure import start_figure
+
+        return start_figure(problem, starts, bodies=style == "bodies")
 
 
 def draw_start(
@@ -193,12 +214,7 @@ def draw_start(
     """
     file = Path(path)
     check_format(file)
-    with _drawing():
-        from copose.report.start_figure import start_figure
-
-        figure = start_figure(problem, starts, bodies=style == "bodies")
-        content = _saved(figure, file.suffix.lower()[1:])
-    write_file(file, content)
+    write_file(file, saved(starts_figure(problem, starts, style), file.suffix.lower()[1:]))
 
 
 def draw_comparison(comparison: Comparison, path: str | Path, style: Style = "bodies") -> None:
@@ -227,4 +243,4 @@ def draw_comparison(comparison: Comparison, path: str | Path, style: Style = "bo
     if overlaid:
         one, other = panels
         panels = [replace(one, other=other), replace(other, other=one)]
-    write_file(file, _rendered(panels, rows, heading, file.suffix.lower()[1:]))
+    write_file(file, saved(_figure(panels, rows, heading), file.suffix.lower()[1:]))

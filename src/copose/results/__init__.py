@@ -1,5 +1,6 @@
 """What is answered: postures, evidence, timings as frozen data, JSON in and out."""
 
+from copose.results.arrays import stacked
 from copose.results.files import read_motion, read_result, read_solution, to_json, write_file
 from copose.results.limits import AccelerationRecord, ExactSetRecord, WrenchRecord
 from copose.results.motion import (
@@ -72,6 +73,7 @@ __all__ = [
     "read_motion",
     "read_result",
     "read_solution",
+    "stacked",
     "to_json",
     "vector",
     "write_file",

@@ -120,7 +120,7 @@ def _posture(answer: Solution | Motion, posture: Posture) -> Iterator[str]:
         **{f"wrenches.{name}": each for name, each in wrenches.items()},
     }
     for key, arms in by_arm.items():
-        if set(arms) != set(counts):
+        if set(arms) != set(answer.joint_names):
             yield f"{key}: not of the arms that joint_names lists"
     if min(posture.closure_error.values(), default=0.0) < 0:
         yield "closure_error: below zero"
@@ -129,7 +129,7 @@ def _posture(answer: Solution | Motion, posture: Posture) -> Iterator[str]:
     places = {"object": posture.object}
     for what in ("base", "grasp"):
         moved = getattr(posture, what) or {}
-        if not set(moved) <= set(counts):
+        if not set(moved) <= set(answer.joint_names):
             yield f"{what}: not of arms that joint_names lists"
         places |= {f"{what}.{arm}": place for arm, place in moved.items()}
     for key, place in places.items():
@@ -203,8 +203,9 @@ def _ellipsoid(record: EllipsoidRecord, a: int | None) -> Iterator[str]:
             yield "log_volume: not that of radii"
 
 
-def _counts(by_arm: Mapping[str, Sized]) -> dict[str, int]:
-    return {arm: len(values) for arm, values in by_arm.items()}
+def _counts(by_arm: Mapping[str, Sized]) -> list[tuple[str, int]]:
+    # In order: what is stacked is told apart by it alone.
+    return [(arm, len(values)) for arm, values in by_arm.items()]
 
 
 def _numbers(key: str, data: Any) -> Iterator[tuple[str, float]]:

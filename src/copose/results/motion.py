@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
+from copose.display import Displayed
+from copose.poses import Array
+from copose.results import arrays
 from copose.results.records import Finite, Record, Vector
 from copose.results.solution import ObjectiveRecord, Posture, ProblemRecord, Timing
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 
 class Knot(Posture):
@@ -86,7 +93,7 @@ class PathSearchRecord(Record):
     routes: tuple[RouteRecord, ...]
 
 
-class Motion(Record):
+class Motion(Displayed, Record):
     """A joint motion; written by `copose path` as ``result.json``.
 
     Attributes:
@@ -123,3 +130,35 @@ class Motion(Record):
     reachable_from_start: bool | None = None
     search: PathSearchRecord | None
     timing: Timing
+
+    @property
+    def q(self) -> Array:
+        """The joint positions of all knots, rad or m, (K, N).
+
+        Raises:
+            InputError: nothing moves.
+        """
+        return arrays.positions(self)
+
+    @property
+    def q_names(self) -> tuple[str, ...]:
+        """``arm/joint`` of every column of ``q``."""
+        return arrays.q_names(self)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Joint positions as in `trajectory.csv`: a row a knot, by its time, a column a joint.
+
+        Raises:
+            InputError: nothing moves, or pandas is not installed.
+        """
+        return arrays.motion_frame(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """``q``, ``velocity``, ``acceleration``, ``torque`` by time and joint, and ``objective``.
+
+        NaN stands where there is none.
+
+        Raises:
+            InputError: nothing moves, or xarray is not installed.
+        """
+        return arrays.motion_dataset(self)

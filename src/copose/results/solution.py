@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import model_serializer
 from pydantic_core.core_schema import SerializerFunctionWrapHandler
 
 from copose.collision import Solid, link_outlines
-from copose.poses import Pose
+from copose.display import Displayed
+from copose.poses import Array, Pose
 from copose.problem import Obstacle, PlanarObstacle, Problem, Shape, SpaceName
+from copose.results import arrays
 from copose.results.limits import AccelerationRecord, ExactSetRecord, WrenchRecord
 from copose.results.records import (
     CompanionRecord,
@@ -24,6 +26,10 @@ from copose.results.records import (
     vector,
 )
 from copose.robots import Arm
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 
 class SpatialPlace(Record):
@@ -133,6 +139,11 @@ class Posture(Record):
     base: dict[str, SpatialFrame | PlanarPlace] | None = None
     grasp: dict[str, SpatialFrame | PlanarPlace] | None = None
     collision: CollisionRecord | None = None
+
+    @property
+    def q(self) -> Array:
+        """The positions of all arms' joints, rad or m, (N,)."""
+        return arrays.stacked(self.joints)
 
     @model_serializer(mode="wrap")
     def _as_asked(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -343,7 +354,7 @@ class ProblemRecord(Record):
         )
 
 
-class Solution(Record):
+class Solution(Displayed, Record):
     """A result; written by `copose solve` as ``result.json``.
 
     Attributes:
@@ -373,6 +384,27 @@ class Solution(Record):
     cases: tuple[CasePosture, ...] | None = None
     cases_before: tuple[CasePosture, ...] | None = None
     reachable_from_start: bool | None = None
+
+    @property
+    def q_names(self) -> tuple[str, ...]:
+        """``arm/joint`` of every entry of a posture's ``q``."""
+        return arrays.q_names(self)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Joint positions, rad or m: a row a joint, columns ``before`` and ``after``, or the cases.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        return arrays.solution_frame(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The same as ``q``, by posture and joint.
+
+        Raises:
+            InputError: xarray is not installed.
+        """
+        return arrays.solution_dataset(self)
 
     @model_serializer(mode="wrap")
     def _without_empty_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:

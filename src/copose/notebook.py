@@ -1,0 +1,55 @@
+"""Problems and results as HTML: the tables of the commands and their pictures, in one piece."""
+
+from __future__ import annotations
+
+import base64
+import io
+from html import escape
+
+from rich.console import Console, Group, RenderableType
+from rich.text import Text
+
+from copose.errors import InputError
+from copose.paths import described
+from copose.planning import check
+from copose.problem import Problem
+from copose.report import chains, figure, motion_table, saved, solution_table, starts_figure
+from copose.results import Motion, Solution
+
+_COLUMNS = 100
+_TABLE = '<pre style="line-height: 1.2; white-space: pre; overflow-x: auto">{code}</pre>'
+
+
+def html(shown: Problem | Solution | Motion) -> str:
+    """A table and, where there is something to draw, a picture; all names escaped."""
+    if isinstance(shown, Problem):
+        return _problem(shown)
+    if isinstance(shown, Motion):
+        table, drawn = motion_table(shown), shown.knots is not None
+    else:
+        table, drawn = solution_table(shown), bool(shown.after or shown.cases)
+    picture = _picture(saved(figure(shown), "png"), shown.problem.name) if drawn else ""
+    return _table(table) + picture
+
+
+def _problem(problem: Problem) -> str:
+    try:
+        found = check(problem)
+        way = described(problem, found.arms)
+    except InputError as error:
+        return _table(Group(Text(problem.name), Text(str(error))))
+    picture = saved(starts_figure(problem, found.starts), "png")
+    return _table(chains(problem, found.starts, found.notes, way)) + _picture(picture, problem.name)
+
+
+def _table(content: RenderableType) -> str:
+    console = Console(
+        file=io.StringIO(), record=True, width=_COLUMNS, highlight=False, force_jupyter=False
+    )
+    console.print(content)
+    return console.export_html(inline_styles=True, code_format=_TABLE)
+
+
+def _picture(content: bytes, name: str) -> str:
+    data = base64.b64encode(content).decode()
+    return f'<img style="max-width: 100%" alt="{escape(name)}" src="data:image/png;base64,{data}">'
