@@ -267,6 +267,10 @@ def test_mujoco_needs_the_problem(tmp_path: Path, monkeypatch, capsys) -> None:
         exported_text(held(), "mujoco")
     with pytest.raises(InputError, match="arms or joints than the result"):
         exported_text(held(), "mujoco", problem=copose.load("moved.toml"))
+    lifted = Path("moved.toml").read_text().replace("0.25", "0.3")
+    Path("lifted.toml").write_text(lifted)
+    with pytest.raises(InputError, match="has arm 'left' stand otherwise than the result; give"):
+        exported_text(solution, "mujoco", problem=copose.load("lifted.toml"))
     with pytest.raises(InputError, match="is no MuJoCo model"):
         exported_text(held(), "mujoco", problem=copose.parse(tables("baxter-box")))
     assert main([*export, "--problem", "moved.toml", "-o", "moved.toml"]) == 2

@@ -5,13 +5,19 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 
+import numpy as np
+
 from copose.errors import InputError, arm_key
 from copose.formats.markup import xml_text
 from copose.formats.postures import ExportedPosture
 from copose.loader import load
+from copose.poses import Array
 from copose.problem import Problem, RobotArm
-from copose.results import Solution
-from copose.robots import WholeRobot, load_arms, whole_robots
+from copose.results import Posture, Solution
+from copose.robots import Arm, WholeRobot, whole_robots
+
+# What frames of one posture may be apart by, m.
+_SAME = 1e-6
 
 
 def keyframes_xml(exported: ExportedPosture) -> str:
@@ -27,23 +33,31 @@ def keyframes_xml(exported: ExportedPosture) -> str:
     """
     solution = exported.solution
     problem = _problem(solution) if exported.problem is None else exported.problem
-    for i, arm in enumerate(problem.arms):
-        if not isinstance(arm, RobotArm) or arm.mjcf is None:
+    for i, spec in enumerate(problem.arms):
+        if not isinstance(spec, RobotArm) or spec.mjcf is None:
             raise InputError(
                 "is no MuJoCo model; mujoco needs arms by mjcf",
-                key=arm_key(i, arm.name),
+                key=arm_key(i, spec.name),
                 file=problem.source,
             )
-    if {arm.name: arm.joint_names for arm in load_arms(problem)} != solution.joint_names:
-        raise InputError("has other arms or joints than the result", file=problem.source)
     robots = whole_robots(problem)
+    arms = [arm for robot in robots for arm in robot.arms]
+    if {arm.name: arm.joint_names for arm in arms} != solution.joint_names:
+        raise InputError("has other arms or joints than the result", file=problem.source)
+    for arm in arms:
+        if not _agrees(arm, exported.posture):
+            raise InputError(
+                f"has arm {arm.name!r} stand otherwise than the result; give the problem as it "
+                "was solved, with what --set changed",
+                file=problem.source,
+            )
     root = ET.Element("mujoco")
     keyframe = ET.SubElement(root, "keyframe")
     for robot in robots:
-        arms = ", ".join(robot.arms)
-        name = solution.problem.name if len(robots) == 1 else f"{solution.problem.name} {arms}"
+        names = ", ".join(arm.name for arm in robot.arms)
+        name = solution.problem.name if len(robots) == 1 else f"{solution.problem.name} {names}"
         # A comment of XML holds no two hyphens.
-        said = re.sub("-(?=-)", "- ", f" {robot.tree.file.name}: {arms} ")
+        said = re.sub("-(?=-)", "- ", f" {robot.tree.file.name}: {names} ")
         keyframe.append(ET.Comment(said))
         ET.SubElement(keyframe, "key", name=_unused(name, robot), qpos=_qpos(robot, exported))
     return xml_text(root)
@@ -60,6 +74,19 @@ def _problem(solution: Solution) -> Problem:
             raise
         text = f"{error.message} (the result names this file; --problem names another)"
         raise InputError(text, key=error.key, file=file) from None
+
+
+def _agrees(arm: Arm, posture: Posture) -> bool:
+    """Whether an arm's frames are as far apart as a posture has them, wherever its base is."""
+    frames = arm.frames(posture.joints[arm.name])
+    here = np.array([frame.position for frame in frames])
+    there = np.array(posture.arms[arm.name].skeleton)
+    return here.shape == there.shape and np.allclose(_spans(here), _spans(there), 0, _SAME)
+
+
+def _spans(points: Array) -> Array:
+    """Distances between points, (k, k)."""
+    return np.asarray(np.linalg.norm(points[:, None] - points, axis=2))
 
 
 def _qpos(robot: WholeRobot, exported: ExportedPosture) -> str:

@@ -20,20 +20,20 @@ class WholeRobot:
 
     Attributes:
         tree: its links and joints.
-        arms: by name, the joints that they move.
+        arms: in the order of the problem.
         locked: joints that any of the arms' tables holds, rad or m.
     """
 
     tree: Tree
-    arms: Mapping[str, tuple[str, ...]]
+    arms: tuple[Arm, ...]
     locked: Mapping[str, float]
 
     def positions(self, joints: Mapping[str, Sequence[float]]) -> dict[str, float]:
         """Where every movable joint stands, rad or m, by its arms' positions."""
         moved = {
             name: position
-            for arm, names in self.arms.items()
-            for name, position in zip(names, joints[arm], strict=True)
+            for arm in self.arms
+            for name, position in zip(arm.joint_names, joints[arm.name], strict=True)
         }
         return dict(self.tree.standing({**self.locked, **moved}).at)
 
@@ -78,7 +78,7 @@ def whole_robots(problem: Problem) -> tuple[WholeRobot, ...]:
     return tuple(
         WholeRobot(
             tree=team[0].tree,
-            arms={part.arm.name: part.arm.joint_names for part in team},
+            arms=tuple(part.arm for part in team),
             locked={name: at for part in team for name, at in part.spec.locked.items()},
         )
         for team in teams
