@@ -168,7 +168,9 @@ def test_a_package_that_is_missing_is_named(name: str, monkeypatch) -> None:
             result.to_dataframe() if name == "pandas" else result.to_xarray()
 
 
-def test_the_notebook_runs(tmp_path: Path) -> None:
+def test_the_notebook_runs(tmp_path: Path, monkeypatch) -> None:
+    for name in ("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR"):
+        monkeypatch.setenv(name, str(tmp_path / name))
     for file in PROBLEMS.glob("paper-*.toml"):
         (tmp_path / file.name).symlink_to(file)
     notebook = nbformat.read(STEPS, as_version=4)
