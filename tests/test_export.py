@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import xml.etree.ElementTree as ET
 from functools import cache
 from pathlib import Path
@@ -20,7 +21,7 @@ from copose import InputError
 from copose.cli import main
 from copose.export_command import TO
 from copose.formats import FORMATS, exported_text
-from copose.results import Motion, Solution, to_json
+from copose.results import Motion, Solution, read_result, to_json
 from copose.robots.paths import resolve
 from test_motion_report import made, nowhere
 
@@ -365,6 +366,15 @@ def test_what_is_no_result_is_refused(tmp_path: Path, capsys, text: str) -> None
     (tmp_path / "r.json").write_text(text)
     assert main(["export", str(tmp_path / "r.json"), "--to", "csv"]) == 2
     assert "r.json: is no copose result (" in capsys.readouterr().err
+
+
+def test_arms_in_two_orders_are_refused(tmp_path: Path) -> None:
+    data = json.loads(to_json(made()))
+    knot = data["knots"][0]
+    knot["joints"] = dict(reversed(knot["joints"].items()))
+    (tmp_path / "r.json").write_text(json.dumps(data))
+    with pytest.raises(InputError, match=r"knots\.0\.joints: not those that joint_names lists"):
+        read_result(tmp_path / "r.json")
 
 
 def test_the_command_knows_the_formats() -> None:
