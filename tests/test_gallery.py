@@ -1,0 +1,43 @@
+"""The gallery is current: every problem has a row and the picture of its answer."""
+
+from __future__ import annotations
+
+import json
+
+import gallery
+import pytest
+from PIL import Image
+
+from cells import FILES
+
+NAMES = sorted(file.stem for file in FILES)
+PLANAR = [file.stem for file in FILES if 'space = "planar' in file.read_text()]
+
+
+def chunks(name: str) -> dict[str, str]:
+    with Image.open(gallery.PICTURES / f"{name}.png") as picture:
+        assert picture.width == gallery.WIDTH
+        return dict(picture.info)
+
+
+def test_the_page_has_a_row_for_every_problem() -> None:
+    assert sorted(name for names in gallery.GROUPS.values() for name in names) == NAMES
+    assert gallery.PAGE.read_text() == gallery.page(), "run benchmarks/gallery.py"
+    assert {file.stem for file in gallery.PICTURES.iterdir()} == {*NAMES}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_picture_is_of_the_problem_as_it_is(name: str) -> None:
+    told = chunks(name)
+    assert told["problem"] == gallery.digest(name), f"run benchmarks/gallery.py {name}"
+    assert json.loads(told["objective"]) is not None
+    assert (gallery.PICTURES / f"{name}.png").stat().st_size < gallery.MOST_BYTES
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[] if name in PLANAR else pytest.mark.long) for name in NAMES],
+)
+def test_a_picture_is_of_the_answer_as_it_is(name: str) -> None:
+    shown = json.loads(chunks(name)["objective"])
+    assert gallery.answer(name).objective.after == pytest.approx(shown, rel=1e-6, abs=1e-6)
