@@ -489,13 +489,14 @@ def _schema(arguments: argparse.Namespace) -> int:
 
 
 def _manual(arguments: argparse.Namespace) -> int:
-    from rich.markdown import Markdown
     from rich.table import Table
 
     from copose.manual import page, topics
 
     if arguments.topic is not None:
-        print_rich(Markdown(page(arguments.topic)))
+        from copose.manual.rendering import Page
+
+        print_rich(Page(page(arguments.topic)))
         return SOLVED
     table = Table.grid(padding=(0, 2))
     for topic, title in topics().items():

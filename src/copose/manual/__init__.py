@@ -5,13 +5,31 @@ from pathlib import Path
 from copose.errors import InputError, nearest
 
 _FOLDER = Path(__file__).parent
+_ORDER = (
+    "getting-started",
+    "robots",
+    "measures",
+    "torques",
+    "cells",
+    "collision",
+    "paths",
+    "commands",
+    "problem-files",
+    "python",
+    "theory",
+    "search",
+    "paper",
+    "benchmarks",
+    "troubleshooting",
+    "faq",
+)
 
 
 def topics() -> dict[str, str]:
-    """The title of every topic, by its name."""
+    """The title of every topic, by its name, in the order in which to read them."""
     return {
-        file.stem: file.read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
-        for file in sorted(_FOLDER.glob("*.md"))
+        topic: _text(topic).partition("\n")[0].removeprefix("# ").partition(": ")[2]
+        for topic in _ORDER
     }
 
 
@@ -21,10 +39,13 @@ def page(topic: str) -> str:
     Raises:
         InputError: there is none.
     """
-    known = topics()
-    if topic not in known:
+    if topic not in _ORDER:
         raise InputError(
-            f"no topic is called {topic!r}{nearest(topic, known)} (`copose manual` lists them)",
+            f"no topic is called {topic!r}{nearest(topic, _ORDER)} (`copose manual` lists them)",
             key="TOPIC",
         )
+    return _text(topic)
+
+
+def _text(topic: str) -> str:
     return (_FOLDER / f"{topic}.md").read_text(encoding="utf-8")

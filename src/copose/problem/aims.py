@@ -31,7 +31,7 @@ class WorldSpec(Spec):
     """``[world]`` in space.
 
     Attributes:
-        gravity: acceleration of gravity in world axes, m/s².
+        gravity: acceleration of free fall in world axes, m/s².
     """
 
     gravity: Triple = (0.0, 0.0, -9.81)
@@ -41,7 +41,7 @@ class PlanarWorldSpec(Spec):
     """``[world]`` in the plane.
 
     Attributes:
-        gravity: acceleration of gravity in world axes, m/s².
+        gravity: acceleration of free fall in world axes, m/s².
     """
 
     gravity: Pair = (0.0, 0.0)
@@ -52,26 +52,27 @@ class EllipsoidObjective(Spec):
 
     Attributes:
         kind: what is maximised.
-        axes: coordinates of the task space that count; left out, all.
+        axes: coordinates of the task space that count, such as x; the other accelerations are held
+            at zero; left out, all count.
     """
 
     axes: tuple[str, ...] | None = None
 
 
 class VolumeObjective(EllipsoidObjective):
-    """The log-volume."""
+    """The log-volume of the ellipsoid."""
 
     kind: Literal["volume"] = "volume"
 
 
 class WorstDirectionObjective(EllipsoidObjective):
-    """The shortest semi-axis."""
+    """The shortest semi-axis of the ellipsoid."""
 
     kind: Literal["worst-direction"]
 
 
 class IsotropyObjective(EllipsoidObjective):
-    """Shortest over longest semi-axis."""
+    """Shortest over longest semi-axis of the ellipsoid."""
 
     kind: Literal["isotropy"]
 
@@ -80,7 +81,7 @@ class WeightedDirection(Spec):
     """A task direction, and how much being fast (> 0) or fine (< 0) along it counts.
 
     Attributes:
-        direction: task vector, linear over angular; only its direction counts.
+        direction: task vector, linear over angular, of any length.
         weight: how much it counts, not 0.
     """
 
@@ -92,7 +93,7 @@ class TaskCompatibilityObjective(EllipsoidObjective):
     """Σ w log d(u) over directions u.
 
     Attributes:
-        directions: along which the object is to be fast or fine.
+        directions: directions along which the object is to be fast or fine.
     """
 
     kind: Literal["task-compatibility"]
@@ -115,7 +116,7 @@ class PlainDirection(Spec):
     """A task direction.
 
     Attributes:
-        direction: task vector, linear over angular; only its direction counts.
+        direction: task vector, linear over angular, of any length.
     """
 
     direction: Direction
@@ -148,10 +149,11 @@ def _as_directions(value: Any) -> Any:
 
 
 class AccelerationObjective(EllipsoidObjective):
-    """The largest acceleration along a direction, or the smallest of several such.
+    """The largest acceleration along a direction; of several directions the smallest counts.
 
     Attributes:
-        direction: task vector along which the object is to accelerate; or give directions.
+        direction: task vector, of any length, along which the object is to accelerate; or give
+            directions.
         directions: several such, of which the smallest acceleration counts.
     """
 
@@ -173,7 +175,7 @@ class AccelerationObjective(EllipsoidObjective):
 
 
 class PayloadObjective(EllipsoidObjective):
-    """The largest mass that can be held still, or accelerated along a direction, m/s².
+    """The largest mass that can be held at rest, or accelerated along a direction.
 
     Attributes:
         acceleration: along the direction, m/s² or rad/s²; left out, the mass is held at rest.

@@ -103,19 +103,19 @@ class ArmSpec(Spec):
     """What arms of both kinds have in common; arrays go by free joints, root to tip.
 
     Attributes:
-        name: a name of its own.
-        start: joint positions before, rad or m; left out, a MuJoCo model's keyframe or the seed
-            gives them.
-        torque_limits: the largest, N·m or N, inf for none; left out, the robot file's.
-        position_limits: [lower, upper] a joint, rad or m, ±inf for none; left out, the robot
+        name: its name, which no other arm has.
+        start: joint positions of the posture before, rad or m; left out, a MuJoCo model's keyframe
+            or the seed gives them.
+        torque_limits: largest torques, N·m or N, inf for none; left out, the robot file's.
+        position_limits: [lower, upper] of each joint, rad or m, ±inf for none; left out, the robot
             file's.
-        velocity_limits: the largest, rad/s or m/s; left out, the robot file's.
-        acceleration_limits: the largest, rad/s² or m/s²; left out, none.
-        armature: reflected inertia of the rotors, kg·m² or kg; left out, a MuJoCo
-            model's; of other arms gears are ignored.
-        grip: what the contact bears.
-        fixed: whether the arm is held at its start.
-        freedom: how far base and grasp may be moved.
+        velocity_limits: largest speeds, rad/s or m/s; left out, the robot file's.
+        acceleration_limits: largest accelerations, rad/s² or m/s²; left out, none.
+        armature: inertia of the rotors reflected through the gears, kg·m² or kg; left out, a MuJoCo
+            model's, and of other arms none.
+        grip: how much the contact bears; left out, anything.
+        fixed: whether the arm does not move but stays at its start.
+        freedom: how far copose may move base and grasp.
     """
 
     name: Name
@@ -149,15 +149,17 @@ class RobotArm(ArmSpec):
         urdf: a URDF or .xacro: relative to this file, package://…, example-robot-data://… or
             robot_descriptions://NAME; left out beside mjcf.
         mjcf: a MuJoCo model, read by the package mujoco, extra [mjcf]; left out beside urdf.
-        xacro_args: arguments of a .xacro.
-        packages: folders of packages by name, relative to this file.
-        root: link that the base places; left out, the file's root link.
-        tip: link that grasps; of a MuJoCo model a site or a body.
-        locked: positions of movable joints that are held still, rad or m.
+        xacro_args: arguments of a .xacro, by name.
+        packages: folders of packages that package://… names, relative to this file.
+        root: first link of the chain, which base places; left out, the file's root link.
+        tip: link that grasps, whose frame grasp places; of a MuJoCo model a site or a body.
+        locked: positions of movable joints that are held still, by name, rad or m; others off the
+            chain are held at 0.
         ignore_collisions: pairs of links that may touch, beside those that an SRDF of the file's
             name beside it disables, and those that a MuJoCo model excludes.
-        base: root link in the world.
-        grasp: tip frame in the object's; left out beside a start, where the tip is then.
+        base: pose of the root link in the world.
+        grasp: pose of the tip frame in the object frame; left out beside a start, where the tip is
+            then.
         tool: a body fixed to the tip; left out, none.
     """
 

@@ -10,9 +10,9 @@ class CaseSpec(Spec):
     """``[[cases]]``: what differs from ``[object]`` and ``[objective]``, and how much it counts.
 
     Attributes:
-        name: a name of its own.
-        direction: task vector in place of the objective's; left out, that.
-        mass: of the object, kg, with inertia in proportion; left out, the object's.
+        name: its name, which no other case has.
+        direction: direction in place of the objective's; left out, that.
+        mass: mass of the object, kg, with inertia in proportion; left out, the object's.
         weight: how much its objective counts.
     """
 
@@ -23,21 +23,21 @@ class CaseSpec(Spec):
 
 
 class Case(CaseSpec, Oriented):
-    """A case in space; what it leaves out of a pose is ``[object]``'s.
+    """``[[cases]]`` in space; what it leaves out of a pose is ``[object]``'s.
 
     Attributes:
-        position: of the object in the world, m; left out, the object's.
+        position: centre of mass in the world, m; left out, the object's.
     """
 
     position: Triple | None = None
 
 
 class PlanarCase(CaseSpec):
-    """A case in the plane.
+    """``[[cases]]`` in the plane.
 
     Attributes:
-        position: of the object in the world, m; left out, the object's.
-        angle: of the object in the world, rad; left out, the object's.
+        position: centre of mass in the world, m; left out, the object's.
+        angle: angle of the object in the world, rad; left out, the object's.
     """
 
     position: Pair | None = None

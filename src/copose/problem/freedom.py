@@ -48,7 +48,7 @@ class PlanarFreedom(Freedom):
 
 
 class BaseFreedom(Freedom):
-    """``freedom.base``: offsets to an arm's base pose, world axes."""
+    """``[arms.freedom.base]``: offsets to the pose of an arm's base, world axes."""
 
     x: Interval | None = None
     y: Interval | None = None
@@ -57,7 +57,7 @@ class BaseFreedom(Freedom):
 
 
 class PlanarBaseFreedom(Freedom):
-    """``freedom.base`` in the plane; ``angle`` and ``yaw`` are the same there."""
+    """``[arms.freedom.base]`` in the plane; ``angle`` and ``yaw`` are the same there."""
 
     x: Interval | None = None
     y: Interval | None = None
@@ -65,7 +65,7 @@ class PlanarBaseFreedom(Freedom):
 
 
 class GraspFreedom(Freedom):
-    """``freedom.grasp``: offsets to a grasp, object axes, and a turn about the tip's z axis."""
+    """``[arms.freedom.grasp]``: offsets to a grasp, object axes, and a turn about the tip's z."""
 
     x: Interval | None = None
     y: Interval | None = None
@@ -74,7 +74,7 @@ class GraspFreedom(Freedom):
 
 
 class PlanarGraspFreedom(Freedom):
-    """``freedom.grasp`` in the plane; ``angle`` and ``twist`` are the same there."""
+    """``[arms.freedom.grasp]`` in the plane; ``angle`` and ``twist`` are the same there."""
 
     x: Interval | None = None
     y: Interval | None = None

@@ -100,9 +100,9 @@ class Oriented(Spec):
     """What has an orientation in space; once read, ``rpy`` says it, however it was written.
 
     Attributes:
-        rpy: fixed-axis roll, pitch, yaw as in URDF, rad; of a case or waypoint left out, what it
-            was.
-        quaternion: [w, x, y, z] in place of rpy, normalised.
+        rpy: roll, pitch, yaw about fixed axes as in a URDF, rad; left out of a case or waypoint, as
+            it was.
+        quaternion: [w, x, y, z] in place of rpy.
     """
 
     rpy: Triple | None = None
@@ -127,12 +127,12 @@ class SpatialObject(Oriented):
     Attributes:
         mass: its mass, kg.
         inertia: about the centre of mass in object axes, kg·m²: 3 diagonal entries or 3×3; may be
-            left out in spatial-linear.
-        position: of the centre of mass in the world, m; left out where every grasp is taught,
+            left out in spatial-linear alone.
+        position: centre of mass in the world, m; may be left out where every grasp is taught:
             midway between the tips.
-        shape: drawn, and tested for collision; left out, none.
-        velocity: task vector, m/s and rad/s; left out, at rest.
-        freedom: how far the object may be moved.
+        shape: its body, drawn and tested for collision; left out, none.
+        velocity: velocity of the object, linear over angular, m/s and rad/s; left out, at rest.
+        freedom: how far copose may move the object.
     """
 
     mass: Positive
@@ -154,13 +154,13 @@ class PlanarObject(Spec):
 
     Attributes:
         mass: its mass, kg.
-        inertia: about the centre of mass, kg·m²; may be left out in planar-linear.
-        position: of the centre of mass in the world, m; left out where every grasp is taught,
+        inertia: about the centre of mass, kg·m²; may be left out in planar-linear alone.
+        position: centre of mass in the world, m; may be left out where every grasp is taught:
             midway between the tips.
         angle: its angle, rad.
-        shape: drawn, and tested for collision; left out, none.
-        velocity: task vector, m/s and rad/s; left out, at rest.
-        freedom: how far the object may be moved.
+        shape: its body, drawn and tested for collision; left out, none.
+        velocity: velocity of the object, linear over angular, m/s and rad/s; left out, at rest.
+        freedom: how far copose may move the object.
     """
 
     mass: Positive
@@ -185,7 +185,7 @@ class Placement(Oriented):
     """Position and orientation of a frame in another.
 
     Attributes:
-        position: of the origin, m.
+        position: its origin, m.
     """
 
     position: Triple = (0.0, 0.0, 0.0)
@@ -201,7 +201,7 @@ class PlanarPlacement(Spec):
     """Position and angle of a frame in another, in the plane.
 
     Attributes:
-        position: of the origin, m.
+        position: its origin, m.
         angle: its angle, rad.
     """
 
@@ -215,13 +215,13 @@ class PlanarPlacement(Spec):
 
 
 class Grasp(Placement):
-    """Placement of the tip frame in the object frame."""
+    """Pose of the tip frame in the object frame."""
 
     position: Triple
 
 
 class PlanarGrasp(PlanarPlacement):
-    """Placement of the tip frame in the object frame, in the plane."""
+    """Pose of the tip frame in the object frame, in the plane."""
 
     position: Pair
 
@@ -230,8 +230,8 @@ class Obstacle(Placement):
     """``[[obstacles]]``: a body that nothing may touch.
 
     Attributes:
-        name: a name of its own.
-        shape: centred at its position.
+        name: its name, which no other obstacle or arm has.
+        shape: its body, centred at its position.
     """
 
     name: Name
@@ -243,8 +243,8 @@ class PlanarObstacle(PlanarPlacement):
     """``[[obstacles]]`` in the plane.
 
     Attributes:
-        name: a name of its own.
-        shape: centred at its position.
+        name: its name, which no other obstacle or arm has.
+        shape: its body, centred at its position.
     """
 
     name: Name

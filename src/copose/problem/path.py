@@ -39,7 +39,7 @@ class Waypoint(Oriented):
     """A pose of the object in the world; what it leaves out is the previous one's.
 
     Attributes:
-        position: of the object in the world, m; left out, the previous one's.
+        position: centre of mass in the world, m; left out, the previous one's.
     """
 
     position: Triple | None = None
@@ -49,8 +49,8 @@ class PlanarWaypoint(Spec):
     """A pose of the object in the plane; what it leaves out is the previous one's.
 
     Attributes:
-        position: of the object in the world, m; left out, the previous one's.
-        angle: of the object in the world, rad; left out, the previous one's.
+        position: centre of mass in the world, m; left out, the previous one's.
+        angle: angle of the object in the world, rad; left out, the previous one's.
     """
 
     position: Pair | None = None

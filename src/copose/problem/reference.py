@@ -6,22 +6,37 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-_HEAD = """# Problem files
+_HEAD = """# Problem files: every key
 
-A problem file is TOML. Every key that it may have stands here, table by table, with what it is
-where it is left out; `copose schema` prints the same for editors. Lengths are in m, angles in rad,
-masses in kg.
+A problem file is TOML: tables such as `[object]`, one `[[arms]]` for each arm, and keys in them.
+Each table has a section below. It says where the table stands (`object.shape` is the key `shape` of
+`[object]`) and lists its keys: what the value is, what it is if the key is left out (– for
+nothing), and what it means. Lengths are in m, angles in rad, masses in kg. Tables "in the plane" go
+with arms by `links`.
+
+[getting-started](getting-started.md) builds a file step by step; `copose schema` prints all of this
+for editors.
 """
+_TYPES = {"number": "number", "integer": "whole number", "boolean": "true or false",
+          "string": "text"}  # fmt: skip
 
 
 def made_reference(schema: Mapping[str, Any]) -> str:
     """The page, of a schema as `made_schema` makes it."""
     definitions = schema["$defs"]
-    first = [entry["$ref"].rpartition("/")[2] for entry in schema["anyOf"]]
-    order = list(first)
+    places: dict[str, list[str]] = {
+        entry["$ref"].rpartition("/")[2]: [""] for entry in schema["anyOf"]
+    }
+    order = list(places)
     for name in order:
-        order += [other for other in _named(definitions[name]) if other not in order]
-    return "\n".join([_HEAD, *(line for name in order for line in _table(definitions[name]))])
+        for key, given in definitions[name]["properties"].items():
+            for other in _named(given):
+                keys = [f"{place}.{key}".lstrip(".") for place in places[name]]
+                places[other] = list(dict.fromkeys([*places.get(other, []), *keys]))
+                order += [other] if other not in order else []
+    sections = (_section(definitions[name], places[name]) for name in order)
+    # Problems in space and in the plane have the same keys.
+    return "\n".join([_HEAD, *dict.fromkeys(sections)])
 
 
 def _named(node: Any) -> Iterator[str]:
@@ -36,28 +51,50 @@ def _named(node: Any) -> Iterator[str]:
             yield from dict.fromkeys(_named(each))
 
 
-def _table(definition: Mapping[str, Any]) -> Iterator[str]:
-    yield f"## {definition['description'].rstrip('.')}\n"
-    yield "| key | left out | meaning |"
-    yield "| --- | --- | --- |"
+def _section(definition: Mapping[str, Any], places: list[str]) -> str:
+    """What is told of a table that stands at some places, the whole file at none."""
+    title, properties = definition["description"].rstrip("."), dict(definition["properties"])
+    if "kind" in properties:
+        title = f"`kind = {_toml(properties.pop('kind')['const'])}`: {title}"
+    if places == [""]:
+        title = "The whole file"
+    lines = [f"## {title}\n"]
+    if any(places) and f"[{places[0]}]" not in title:
+        lines.append(f"Stands in `{'`, `'.join(places)}`.\n")
+    lines += ["| key | value | left out | meaning |", "| --- | --- | --- | --- |"]
     required = definition.get("required", ())
-    for key, given in definition["properties"].items():
-        if "const" in given:
-            key = f"{key} = {_toml(given['const'])}"
-        default = "required" if key.partition(" ")[0] in required else "–"
+    for key, given in properties.items():
+        default = "required" if key in required else "–"
         if given.get("default") not in (None, [], "") and not isinstance(given["default"], dict):
             default = f"`{_toml(given['default'])}`"
-        meaning = given["description"]
-        if "enum" in given:
-            meaning += " One of " + ", ".join(f"`{_toml(each)}`" for each in given["enum"]) + "."
-        yield f"| `{key}` | {default} | {meaning.replace('|', chr(92) + '|')} |"
-    yield ""
+        meaning = given["description"].replace("|", chr(92) + "|")
+        lines.append(f"| `{key}` | {_value(given)} | {default} | {meaning} |")
+    return "\n".join([*lines, ""])
+
+
+def _value(given: Mapping[str, Any], plural: bool = False) -> str:
+    """What may stand behind a key, in words."""
+    ending = "s" * plural
+    if "const" in given:
+        return f"`{_toml(given['const'])}`"
+    if "enum" in given:
+        return ", ".join(f"`{_toml(each)}`" for each in given["enum"])
+    for choice in ("anyOf", "oneOf"):
+        if choice in given:
+            return " or ".join(dict.fromkeys(_value(each, plural) for each in given[choice]))
+    if given.get("type") == "array":
+        least, most = given.get("minItems"), given.get("maxItems")
+        count = f"{least} " if least is not None and least == most else ""
+        inner = _value(given["items"], plural=True)
+        return f"{'arrays of ' * plural}{count}{inner}" if count else f"array{ending} of {inner}"
+    if given.get("type") in _TYPES:
+        word = _TYPES[given["type"]]
+        return word if word == "true or false" else word + ending
+    return "table" + ending
 
 
 def _toml(value: Any) -> str:
     """A value as TOML writes it."""
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_toml(each)}" for key, each in value.items()) + " }"
     if isinstance(value, list):
         return "[" + ", ".join(map(_toml, value)) + "]"
     return json.dumps(value, ensure_ascii=False)

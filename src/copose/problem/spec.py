@@ -58,13 +58,14 @@ class ConstraintsSpec(Spec):
     """``[constraints]``: what a posture must keep.
 
     Attributes:
-        joint_margin: kept from every position limit, rad or m.
-        static_torque: whether holding the object respects torque limits.
-        dynamic_torque: whether moving it along a path does; left out, only where the shortest
+        joint_margin: distance kept from every position limit, rad or m.
+        static_torque: whether every torque must be within its limit while the object is held at
+            rest.
+        dynamic_torque: the same while it moves along a path; left out, only where the shortest
             duration is sought.
-        internal_force: the largest that is allowed, N; left out, any.
-        collision: whether nothing touches.
-        clearance: distance kept then, m.
+        internal_force: largest force of a contact against the others, N; left out, any.
+        collision: whether bodies must keep apart.
+        clearance: distance that they keep, m; it counts with collision.
     """
 
     joint_margin: NotNegative = 0.0
@@ -79,8 +80,9 @@ class SearchSpec(Spec):
     """``[search]``: how postures are searched.
 
     Attributes:
-        seed: of everything random.
-        reachable: whether only postures count that the start can come to without letting go.
+        seed: seed of everything random.
+        reachable: whether only postures count that the arms can move to from the start without
+            letting go.
     """
 
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
@@ -91,20 +93,20 @@ class Problem(Displayed, Spec):
     """A problem file; `copose.load` reads one, `copose.parse` takes the same as a dict.
 
     Attributes:
-        format: of the file, 1.
-        name: of the problem, and of the folder for its results.
-        description: for the reader.
-        task: the task space.
-        object: what is held.
-        arms: those that hold it.
+        format: version of the file format, 1.
+        name: name of the problem, and of the folder for its results.
+        description: a text for the reader.
+        task: the task space, which says how hands grasp.
+        object: the object that the arms hold.
+        arms: the arms, a table each.
         ellipsoid: which dynamic manipulability ellipsoid is meant.
         objective: what is maximised.
-        world: what is around.
+        world: gravity.
         constraints: what a posture must keep.
         obstacles: bodies that nothing may touch.
-        cases: several tasks that one placement serves; left out, the one.
-        path: the object's way; left out, it stays.
-        search: how postures are searched.
+        cases: several tasks that one placement serves; left out, one task.
+        path: the object's way, for `copose path`; left out, it stays.
+        search: seed, and which postures count.
     """
 
     format: Annotated[Literal[1], BeforeValidator(whole)]
