@@ -133,7 +133,7 @@ def failing(knots: int = 9, known: int = 4) -> dict:
 
 def printed(motion: Motion) -> str:
     sink = io.StringIO()
-    Console(file=sink, width=160, highlight=False).print(motion_table(motion))
+    Console(file=sink, width=160, highlight=False).print(motion_table(motion, verbose=True))
     return sink.getvalue()
 
 
@@ -204,9 +204,10 @@ def test_the_table_says_what_a_reader_asks_for() -> None:
     for expected in (
         "made: solved", "mean log-volume", "1.000000", "1.500000", "area ×1.65", "worst log-volume",
         "9 knots", "0.250", "1.0e-12", "3.0e-05", "m, rad, between knots", "157.1",
-        "% of arm 0/shoulder's at 0.500 s",
+        "% of arm 0/shoulder's limit at 0.500 s",
         "80.0", "0.0123", "reachable from the start", "9 layers of 12 × 12 postures, 1,234 comb",
-        "1.250000 → 1.500000; 1.125000 → failed, Infeasible_Problem_Detected", "seed 3",
+        "1.250000 in the graph, 1.500000 as a motion", "seed 3", "the best of 2 routes",
+        "1.125000 in the graph, failed, Infeasible_Problem_Detected as a motion",
         "note: gears are ignored",
     ):  # fmt: skip
         assert expected in text, expected

@@ -356,7 +356,10 @@ def test_joint_accelerations_stand_beside_every_extreme(space: str) -> None:
             h = np.concatenate([after.wrenches[name][arm].wrench for arm in joints])
             by_arm = after.joint_accelerations[name]
             moved = np.concatenate([by_arm[arm] for arm in joints])
-            assert np.abs((M @ moved + g + J.T @ h) / T).max() < 1 + 1e-8
+            shares = np.abs((M @ moved + g + J.T @ h) / T)
+            stated = np.concatenate([after.torque_shares[name][arm] for arm in joints])
+            assert np.allclose(stated, shares, atol=1e-7)
+            assert stated.max() == pytest.approx(1, abs=1e-8)
         for kind, exact in after.exact_sets.items():
             if exact.residual_radius:
                 a = equations(truth, joints, solution, f"residual radius, {kind}")

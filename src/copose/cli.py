@@ -283,7 +283,10 @@ def _add_aim(command: argparse.ArgumentParser) -> None:
 def _add_telling(command: argparse.ArgumentParser) -> None:
     told = command.add_mutually_exclusive_group()
     told.add_argument("--quiet", action="store_true", help="print no table, show no progress")
-    told.add_argument("--verbose", action="store_true", help="print a line a stage on stderr")
+    told.add_argument(
+        "--verbose", action="store_true",
+        help="tell more of the search, and print a line a stage on stderr",
+    )  # fmt: skip
 
 
 def _seed(text: str) -> int:
@@ -355,9 +358,9 @@ def _init(arguments: argparse.Namespace) -> int:
 
         write_file(file, made.text.encode())
     if not arguments.quiet:
-        from rich.text import Text
+        from copose.report import guesses
 
-        print_rich(Text("\n".join(["guessed:", *(f"  {guess}" for guess in made.guesses)])))
+        print_rich(guesses(made.guesses))
         print_place(file)
     missed = [start for start in made.starts if not start.closed]
     if missed:
@@ -410,7 +413,7 @@ def _path(arguments: argparse.Namespace) -> int:
             return _interrupted(motion, folder, quick)
         figure = arguments.figure if solved else None
         _write(motion, folder, beside, figure, arguments.style)
-    return _say(motion, motion_table(motion), folder, arguments)
+    return _say(motion, motion_table(motion, verbose=arguments.verbose), folder, arguments)
 
 
 def _evaluate(arguments: argparse.Namespace) -> int:
@@ -563,7 +566,7 @@ def _write_solution(solution: Solution, folder: Path, arguments: argparse.Namesp
 def _say_solution(solution: Solution, folder: Path, arguments: argparse.Namespace) -> int:
     from copose.report import solution_table
 
-    return _say(solution, solution_table(solution), folder, arguments)
+    return _say(solution, solution_table(solution, verbose=arguments.verbose), folder, arguments)
 
 
 def _write(

@@ -32,7 +32,7 @@ def print_rich(content: RenderableType) -> None:
         # Rich itself would end the process where nobody reads.
         with console.capture() as printed:
             console.print(content)
-        sys.stdout.write(printed.get())
+        sys.stdout.writelines(f"{line.rstrip()}\n" for line in printed.get().splitlines())
 
 
 def print_place(place: Path) -> None:

@@ -55,7 +55,9 @@ class Scene:
         links = link_solids(problem, arms)
         solids, notes = [*links.solids], [*links.notes]
         if problem.object.shape is None:
-            notes.append("the object has no shape: nothing is tested against it")
+            notes.append(
+                "the object has no shape: nothing is tested against it; give [object] shape"
+            )
         else:
             solids.append(_alone("object", OBJECT, Pose.from_rpy(), problem.object.shape))
         for obstacle in problem.obstacles:

@@ -13,14 +13,14 @@ from copose.paths.finishing import Finished
 from copose.paths.journey import Journey
 from copose.paths.obstruction import Obstruction
 from copose.paths.tracking import tracked
+from copose.planning.answering import joint_limits
 from copose.planning.cell import Cell
 from copose.planning.machinery import Machinery
-from copose.planning.notes import extreme_notes, standing_notes
+from copose.planning.notes import extreme_notes, once, standing_notes
 from copose.planning.objectives import Objective
 from copose.poses import Array
 from copose.problem import PathSpec, Problem
 from copose.results import (
-    JointRecord,
     Knot,
     LinkRecord,
     Motion,
@@ -197,26 +197,14 @@ class Answer:
             | {
                 "copose": __version__,
                 "problem": ProblemRecord.of(problem, links),
-                "notes": (*standing_notes(cell), *self.notes),
+                "notes": once([*standing_notes(cell), *self.notes]),
                 "objective": ObjectiveRecord(
                     kind=objective.kind, unit=objective.unit, before=before, after=after
                 ),
                 "aggregate": self.path.aggregate,
                 "reachable_from_start": self.reachable,
                 "joint_names": {arm.name: arm.joint_names for arm in cell.arms},
-                "limits": {
-                    arm.name: tuple(
-                        JointRecord(
-                            lower=_finite(joint.lower),
-                            upper=_finite(joint.upper),
-                            velocity=_finite(joint.velocity),
-                            acceleration=_finite(joint.acceleration),
-                            torque=_finite(joint.effort),
-                        )
-                        for joint in arm.joints
-                    )
-                    for arm in cell.arms
-                },
+                "limits": joint_limits(cell),
                 "timing": Timing(
                     build_s=self.build_s,
                     search_s=time.perf_counter() - self.began,
@@ -225,7 +213,3 @@ class Answer:
             }
             | keys
         )
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

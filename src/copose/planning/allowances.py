@@ -19,6 +19,7 @@ from copose.results import (
     AccelerationRecord,
     EllipsoidRecord,
     ExactSetRecord,
+    Vector,
     WrenchRecord,
     matrix,
     vector,
@@ -168,8 +169,7 @@ class Allowance:
                 f"the object cannot be held at rest: that takes {extreme.value:.3g} times a torque "
                 "limit"
             )
-        shares = zip(cell.arms, extreme.torques, self.capacity.limits, strict=True)
-        found.keys["static_torque"] = {arm.name: vector(np.abs(t) / T) for arm, t, T in shares}
+        found.keys["static_torque"] = self._shares(cell, extreme)
 
     def _exact_sets(
         self, cell: Cell, holding: Holding, q: Sequence[Array], found: Allowances
@@ -214,7 +214,9 @@ class Allowance:
         extreme = dynamics.extreme(free.acceleration(u))
         if extreme is not None:
             kind = "linear" if exact.axes[0] in space.linear else "angular"
-            self._moved(cell, f"residual radius, {kind}", extreme, found)
+            name = f"residual radius, {kind}"
+            found.keys.setdefault("torque_shares", {})[name] = self._shares(cell, extreme)
+            self._moved(cell, name, extreme, found)
 
     def _state(
         self,
@@ -226,12 +228,14 @@ class Allowance:
         *,
         moving: bool = True,
     ) -> None:
-        """The contact wrenches of an extreme, in world axes, with their internal parts, and its
-        joint accelerations where joints move.
+        """The contact wrenches of an extreme, in world axes, with their internal parts, its
+        shares of torque limits, and its joint accelerations where joints move.
         """
         if extreme is None:
             return
         found.extremes[name] = extreme
+        if name != "hold":
+            found.keys.setdefault("torque_shares", {})[name] = self._shares(cell, extreme)
         if moving:
             self._moved(cell, name, extreme, found)
         K, m = len(cell.arms), cell.system.space.m
@@ -244,6 +248,11 @@ class Allowance:
             )
             for arm, h, W in zip(cell.arms, wrenches, grasps, strict=True)
         }
+
+    def _shares(self, cell: Cell, extreme: Extreme) -> dict[str, Vector]:
+        """Of each joint's torque limit, by arm."""
+        shares = zip(cell.arms, extreme.torques, self.capacity.limits, strict=True)
+        return {arm.name: vector(np.abs(t) / T) for arm, t, T in shares}
 
     def _moved(self, cell: Cell, name: str, extreme: Extreme, found: Allowances) -> None:
         found.extremes[name] = extreme

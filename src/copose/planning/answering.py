@@ -10,7 +10,7 @@ import numpy as np
 from copose.planning.cell import Cell
 from copose.planning.freedom import Freedom
 from copose.planning.measuring import Measurement
-from copose.planning.notes import extreme_notes, standing_notes
+from copose.planning.notes import extreme_notes, once, standing_notes
 from copose.planning.objectives import Objective
 from copose.planning.placing import Placed
 from copose.progress import StoppedError
@@ -18,6 +18,7 @@ from copose.results import (
     CasePosture,
     EllipsoidRecord,
     FreeRecord,
+    JointRecord,
     LinkRecord,
     ObjectiveRecord,
     Posture,
@@ -85,11 +86,12 @@ def answer(
         problem=ProblemRecord.of(cell.problem, links),
         status=status,
         reason=reason,
-        notes=notes,
+        notes=once(notes),
         objective=ObjectiveRecord(
             kind=objective.kind, unit=objective.unit, before=_value(before), after=_value(after)
         ),
         joint_names={arm.name: arm.joint_names for arm in cell.arms},
+        limits=joint_limits(cell),
         unlimited={arm.name: cell.unlimited(i) for i, arm in enumerate(cell.arms)},
         before=_posture(cell, before),
         after=_posture(cell, after),
@@ -101,6 +103,27 @@ def answer(
         cases_before=_cases(cell, before),
         reachable_from_start=reachable,
     )
+
+
+def joint_limits(cell: Cell) -> dict[str, tuple[JointRecord, ...]]:
+    """Of every joint, by arm."""
+
+    def finite(value: float) -> float | None:
+        return float(value) if np.isfinite(value) else None
+
+    return {
+        arm.name: tuple(
+            JointRecord(
+                lower=finite(low),
+                upper=finite(high),
+                velocity=finite(joint.velocity),
+                acceleration=finite(joint.acceleration),
+                torque=finite(joint.effort),
+            )
+            for joint, low, high in zip(arm.joints, lower, upper, strict=True)
+        )
+        for arm, lower, upper in zip(cell.arms, cell.lower, cell.upper, strict=True)
+    }
 
 
 def unfound(cell: Cell, objective: Objective, stop: StoppedError, timing: Timing) -> Solution:

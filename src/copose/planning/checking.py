@@ -8,7 +8,7 @@ from copose.collision import Scene
 from copose.collision.robot_solids import large_links
 from copose.kernels import one_at_a_time
 from copose.planning.cell import Cell
-from copose.planning.notes import standing_notes
+from copose.planning.notes import once, standing_notes
 from copose.planning.starts import starts
 from copose.problem import Problem
 from copose.robots import Arm, ArmStart
@@ -44,4 +44,4 @@ def check(problem: Problem) -> Check:
         notes += Scene.of(problem, cell.arms).notes
     else:
         notes += large_links(problem)
-    return Check(problem, cell.arms, starts(cell), notes)
+    return Check(problem, cell.arms, starts(cell), once(notes))

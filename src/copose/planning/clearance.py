@@ -176,7 +176,10 @@ def with_collision(cell: Cell, measured: Measurement, bodies: Bodies) -> Measure
     record = CollisionRecord(distance=nearest.distance, pair=nearest.pair)
     if nearest.distance < bodies.clearance:
         both = " and ".join(nearest.pair)
-        notes += (f"{both} are nearer than the clearance, {bodies.clearance:g} m",)
+        notes += (
+            f"{both} are nearer than the clearance, {bodies.clearance:g} m: "
+            "[constraints] clearance sets it",
+        )
     posture = measured.posture.model_copy(update={"collision": record})
     return replace(measured, posture=posture, notes=notes)
 

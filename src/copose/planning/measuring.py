@@ -28,7 +28,10 @@ from copose.results import ArmRecord, EllipsoidRecord, Posture, frame, matrix, p
 # pseudoinverse says of such a direction would be known to a single digit.
 RANK_TOLERANCE = 1e-12
 # Keys of a posture that only torque limits on all joints make known.
-_LIMITED = ("payload", "static_torque", "residual_radius", "wrenches", "joint_accelerations")
+_LIMITED = (
+    "payload", "static_torque", "torque_shares", "residual_radius", "wrenches",
+    "joint_accelerations",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +238,9 @@ class Meter:
                 keys=dict.fromkeys(_LIMITED),
                 notes=[]
                 if cell.weightless
-                else ["what torque limits allow is unknown: not every joint has one"],
+                else [
+                    "what torque limits allow is unknown: every joint needs [[arms]] torque_limits"
+                ],
             )
         else:
             found = self._allowance.all(cell, joints)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -15,6 +16,31 @@ from copose.progress import StoppedError
 _QUICK = 100.0
 # Torque limits from here on, N·m or N, are more than an arm's joint has.
 _HUGE_EFFORT = 1000.0
+# What mends numbers of a robot's file.
+_CURES = {
+    "inertia": "correct it in the robot's file",
+    "effort": "[[arms]] torque_limits gives others",
+    "speed": "[[arms]] velocity_limits gives others",
+}
+# Something that a note names.
+_NAME = re.compile(r"(?<!\w)'([^']*)'(?!\w)")
+
+
+def once(notes: Iterable[str]) -> tuple[str, ...]:
+    """Notes of one kind, which differ only in what they name, as one that names all."""
+    kinds: dict[tuple[str, ...], list[list[str]]] = {}
+    for note in dict.fromkeys(notes):
+        first, *rest = _NAME.split(note)
+        kinds.setdefault((first, *rest[1::2]), []).append(rest[::2])
+    told = []
+    for words, names in kinds.items():
+        text = words[0]
+        for some, word in zip(zip(*names, strict=True), words[1:], strict=True):
+            several = dict.fromkeys(map(repr, some))
+            text = re.sub(r"\b(arm|link|joint) $", r"\1s " if len(several) > 1 else r"\g<0>", text)
+            text += ", ".join(several) + word
+        told.append(text)
+    return tuple(told)
 
 
 def best_so_far(stop: StoppedError) -> str:
@@ -29,7 +55,7 @@ def standing_notes(cell: Cell, *, everything: bool = False) -> tuple[str, ...]:
         cell: the problem made ready.
         everything: also what its answers do not depend on.
     """
-    return (*_unit_notes(cell), *_model_notes(cell), *_oddities(cell, everything))
+    return once([*_unit_notes(cell), *_model_notes(cell), *_oddities(cell, everything)])
 
 
 def _unit_notes(cell: Cell) -> list[str]:
@@ -39,40 +65,38 @@ def _unit_notes(cell: Cell) -> list[str]:
     # What torque limits decide has no unit ball, and no pseudoinverse.
     constraints = cell.problem.constraints
     limited = kind in ("acceleration", "payload", "all-round")
+    why = []
     mixed = set(axes) & set(space.linear) and set(axes) & set(space.angular)
     if mixed and kind not in ("velocity-volume", "force-volume") and not limited:
-        notes.append(
-            "linear and angular accelerations share the ellipsoid: its semi-axes, worst-direction "
-            "and isotropy depend on the unit of length; axes of one kind do not"
-        )
+        why.append("mixed axes")
     shares = kind == "force-volume" or (
         cell.resolution.name == "pseudoinverse" and kind != "velocity-volume" and not limited
     )
     shared = space.rigid and len(cell.arms) > 1 and shares
     if shared and settings.load_distribution == "moore-penrose":
-        notes.append(
-            "the Moore–Penrose load distribution mixes forces with moments: the best posture "
-            "depends on the unit of length; load_distribution = 'nonsqueezing' does not"
-        )
+        why.append("Moore–Penrose")
+    if why:
+        notes.append(f"unit of length matters ({', '.join(why)}): copose manual measures")
     if not space.rigid:
         notes.append(
             "contacts transmit forces only: the ellipsoid ignores the moments that they exert on "
             "the object, which may spin"
             + ("; acceleration, payload and static_torque do not" if limited else "")
+            + f"; [task] space = {space.name.removesuffix('-linear')!r} holds it rigidly"
         )
     twisted = [arm.name for arm in cell.problem.arms if arm.freedom.grasp.twist is not None]
     if twisted and not space.rigid:
         notes.append(
             f"the twist of the grasp of {', '.join(twisted)} has no effect: contacts of space "
-            f"{space.name!r} hold no orientation"
+            f"{space.name!r} hold no orientation; leave it out"
         )
     if np.any(cell.velocity) and (limited or constraints.static_torque):
-        notes.append("what torque limits allow is told of rest; object.velocity does not enter")
+        notes.append("what torque limits allow is told of rest; leave out object.velocity")
     grips = [grip for arm in cell.problem.arms for grip in (arm.grip.force, arm.grip.moment)]
     if constraints.internal_force is not None or any(grip is not None for grip in grips):
         notes.append(
             "limits of contact wrenches are kept by polyhedra inside the balls of their norms: up "
-            "to 3 % less in space, 0.5 % in the plane"
+            "to 3 % less in space, 0.5 % in the plane; give them so much larger to use them whole"
         )
     sliding = [
         f"{arm.name}/{joint.name}"
@@ -95,7 +119,7 @@ def _unit_notes(cell: Cell) -> list[str]:
             "depends on the unit of length; resolution = 'torque-optimal' at rest does not"
         )
     if settings.gravity and not np.any(cell.gravity):
-        notes.append("gravity = true, but [world] gravity is 0")
+        notes.append("gravity = true, but [world] gravity is 0: set one of the two")
     return notes
 
 
@@ -103,16 +127,17 @@ def _model_notes(cell: Cell) -> list[str]:
     """What the robots' files leave out or may have wrong."""
     notes = [note for arm in cell.arms for note in arm.notes]
     notes += [
-        f"no dynamic ellipsoid, and nothing of torques, is known: arm {name!r}: {why}"
+        f"no dynamic ellipsoid, and nothing of torques, is known: arm {name!r}: {why}; "
+        "correct its file, or ask for 'velocity-volume' or 'force-volume'"
         for name, why in cell.weightless.items()
     ]
     ungeared = [arm.name for arm in cell.arms if not arm.geared and arm.name not in cell.weightless]
     if ungeared:
-        notes.append(f"gears are ignored: no armature is given for {', '.join(ungeared)}")
+        notes.append(f"gears are ignored: no [[arms]] armature is given for {', '.join(ungeared)}")
     for arm in cell.arms:
         notes += [
             f"joint {joint.name!r} of arm {arm.name!r} is locked at {joint.position:g}, outside "
-            f"its limits {joint.lower:g} … {joint.upper:g}"
+            f"its limits {joint.lower:g} … {joint.upper:g}; `locked` holds it elsewhere"
             for joint in arm.locked
             if not joint.lower - 1e-6 <= joint.position <= joint.upper + 1e-6
         ]
@@ -122,29 +147,25 @@ def _model_notes(cell: Cell) -> list[str]:
             notes.append(
                 f"the torque limits of arm {arm.name!r} look like placeholders: "
                 + ", ".join(f"{joint.effort:g}" for joint in arm.joints)
+                + f"; {_CURES['effort']}"
             )
     return notes
 
 
-def _oddities(cell: Cell, everything: bool) -> tuple[str, ...]:
-    """What the robots' files say that no robot has, once for all arms of which it is said."""
+def _oddities(cell: Cell, everything: bool) -> Iterator[str]:
+    """What the robots' files say that no robot has."""
     concerns = {"inertia": not cell.problem.kinematic, "effort": cell.torque_limits is not None}
-    texts: dict[str, list[str]] = {}
     for arm in cell.arms:
         for oddity in arm.oddities:
             if everything or concerns.get(oddity.about, cell.problem.path is not None):
-                texts.setdefault(oddity.text, []).append(repr(arm.name))
-    return tuple(
-        f"{'arms' if len(names) > 1 else 'arm'} {', '.join(names)}: {text}"
-        for text, names in texts.items()
-    )
+                yield f"arm {arm.name!r}: {oddity.text}; {_CURES[oddity.about]}"
 
 
 def margin_notes(cell: Cell, joints: Sequence[Array]) -> tuple[str, ...]:
     """Which arms of a posture are nearer to a limit than joint_margin."""
     parts = zip(cell.arms, joints, cell.lower, cell.upper, strict=True)
     return tuple(
-        f"arm {arm.name!r} is given within joint_margin of a limit"
+        f"within joint_margin of a limit: arm {arm.name!r}; move it, or lower joint_margin"
         for arm, q, lower, upper in parts
         if np.any((q < lower) | (q > upper))
     )
@@ -169,7 +190,7 @@ def _quick_notes(cell: Cell, extremes: Sequence[tuple[str, Extreme]]) -> list[st
     counted = f"; beyond {_QUICK:g} in {len(quick)} extremes" if len(quick) > 1 else ""
     return [
         f"joint accelerations reach {sizes.max():,.0f} {unit} ({arm}/{joint.name}, {name}{counted})"
-        ": what torques can do in an instant, not what a motion can keep up"
+        ": what torques can do in an instant, not what a motion can keep up (copose manual torques)"
     ]
 
 
@@ -187,4 +208,7 @@ def _contact_notes(cell: Cell, extremes: Sequence[tuple[str, Extreme]]) -> list[
                      for name, each in extremes for i in loose}  # fmt: skip
             name, i = max(sizes, key=lambda key: sizes[key])
             said.append(f"{sizes[name, i]:,.4g} {unit} (arm {cell.arms[i].name!r}, {name})")
-    return [f"contacts without a grip are taken as unbreakable: here up to {' and '.join(said)}"]
+    return [
+        "contacts without a grip are taken as unbreakable ([[arms]] grip limits them): here up to "
+        + " and ".join(said)
+    ]

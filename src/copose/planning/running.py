@@ -331,8 +331,8 @@ class Run:
         joint = arm.joints[int(moved.argmax())]
         unit = "rad" if joint.kind == "revolute" else "m"
         return q, (
-            f"{missed}: it was projected onto it, which moved the joints by up to "
-            f"{moved.max():.3g} {unit} ({joint.name})",
+            f"{missed}: it was projected onto it (check start and grasp), which moved the joints "
+            f"by up to {moved.max():.3g} {unit} ({joint.name})",
         )
 
     def _where(self, within: WithinReach) -> tuple[Measurement, tuple[str, ...]]:
@@ -343,7 +343,7 @@ class Run:
             if arm.start is None:
                 notes.append(
                     f"arm {arm.name!r} has no start: it is taken to be where the seed's first "
-                    "posture is"
+                    "posture is; give it one"
                 )
         measured = self.machinery.measure(self.setting, within.start)
         return measured, (*notes, *margin_notes(self.cell, within.start))

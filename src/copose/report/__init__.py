@@ -13,7 +13,7 @@ from copose.report.picture import (
     saved,
     starts_figure,
 )
-from copose.report.tables import chains, solution_table
+from copose.report.tables import chains, guesses, solution_table
 
 __all__ = [
     "Comparison",
@@ -25,6 +25,7 @@ __all__ = [
     "draw_comparison",
     "draw_start",
     "figure",
+    "guesses",
     "motion_animation",
     "motion_table",
     "picture",

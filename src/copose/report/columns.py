@@ -1,16 +1,17 @@
-"""Tables of one look."""
+"""Tables of one look, none wider than 80 columns while names are of the usual length."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import zip_longest
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import takewhile, zip_longest
 
+from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from copose.report import style
 from copose.report.style import Answer
-from copose.results import Solution
+from copose.results import Timing
 
 
 def heading(name: str, text: str) -> Text:
@@ -24,9 +25,29 @@ def status_line(answer: Answer) -> Text:
     return heading(answer.problem.name, said)
 
 
-def note_lines(notes: Sequence[str]) -> list[Text]:
+def sections(parts: Iterable[RenderableType]) -> Group:
+    """Lines and tables one below the other, an empty line before and after every table."""
+    found: list[RenderableType] = []
+    after = False
+    for part in parts:
+        if after or (found and isinstance(part, Table)):
+            found.append("")
+        found.append(part)
+        after = isinstance(part, Table)
+    return Group(*found)
+
+
+def lines(pairs: Iterable[tuple[str, str]], style: str = "") -> list[Table]:
+    """A sentence beside what it is about, line by line; nothing where there is none."""
+    found = Table.grid(padding=(0, 1))
+    for about, sentence in pairs:
+        found.add_row(Text(about, style), Text(sentence, style))
+    return [found] if found.row_count else []
+
+
+def note_lines(notes: Sequence[str]) -> list[Table]:
     """What stands below tables."""
-    return [Text(f"note: {note}", style="dim") for note in notes]
+    return lines((("note:", note) for note in notes), "dim")
 
 
 def counted(count: int, one: str, many: str | None = None) -> str:
@@ -34,25 +55,63 @@ def counted(count: int, one: str, many: str | None = None) -> str:
     return f"{count:,} {one if count == 1 else many or one + 's'}"
 
 
-def plain_table(*titles: str) -> Table:
-    """Columns without a frame."""
-    table = Table(show_edge=False, pad_edge=False)
-    for title in titles:
-        table.add_column(title)
-    return table
+def times(count: int) -> str:
+    """How often: ``once``, ``3 times``."""
+    return {1: "once", 2: "twice"}.get(count, f"{count:,} times")
 
 
-def compared_table(solution: Solution, title: str) -> Table:
-    """A column for each posture, between names and words."""
-    table = plain_table(title)
-    if style.compared(solution):
-        table.add_column("before", justify="right")
-    table.add_column(style.now(solution), justify="right")
-    table.add_column("")
-    return table
+def table(titles: Sequence[str], rows: Iterable[Sequence[str | Text]]) -> Table:
+    """Rows of words without a frame: names in the first column, which may be wrapped as columns
+    without a title may; numbers below their titles, flush right.
+    """
+    found = Table(show_edge=False, pad_edge=False)
+    for k, title in enumerate(titles):
+        words = k == 0 or not title
+        found.add_column(
+            Text(title), justify="left" if words else "right", no_wrap=not words, overflow="fold"
+        )
+    for row in rows:
+        found.add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in row))
+    return found
 
 
 def aligned(rows: Sequence[Sequence[str]], gap: str) -> list[str]:
     """Rows of words as lines in which the words stand below one another, flush right."""
     widths = [max(map(len, words)) for words in zip_longest(*rows, fillvalue="")]
     return [gap.join(map(str.rjust, row, widths)) for row in rows]
+
+
+def joint_table(
+    joints: Mapping[str, Sequence[str]], columns: Mapping[str, Mapping[str, Sequence[str | Text]]]
+) -> Table:
+    """A row for each joint, below a row with the arm's name and what its joints' names begin with.
+
+    Args:
+        joints: names by arm.
+        columns: by title, cells by arm.
+    """
+    rows: list[list[str | Text]] = []
+    for arm, names in joints.items():
+        begin = shared_beginning(names)
+        rows.append([Text(f"{arm}: {begin}*" if begin else arm, "bold"), *[""] * len(columns)])
+        parts = (column[arm] for column in columns.values())
+        for name, *cells in zip(names, *parts, strict=True):
+            rows.append([f"  {name.removeprefix(begin)}", *cells])
+    return table(("joint, rad or m", *columns), rows)
+
+
+def shared_beginning(names: Sequence[str]) -> str:
+    """What several names begin with, up to a number or with the sign that ends a word."""
+    if len(names) < 2:
+        return ""
+    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
+    begin = "".join(letters[0] for letters in alike).rstrip("0123456789")
+    if all(name[len(begin) :][:1].isdigit() for name in names):
+        return begin
+    return re.sub(r"[^_./-]*$", "", begin)
+
+
+def timing_line(timing: Timing) -> str:
+    """How long it took."""
+    searched = f"searched {timing.search_s:.2f} s ({timing.kernels})"
+    return f"built in {timing.build_s:.2f} s, {searched}"

@@ -5,17 +5,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from rich.console import Group, RenderableType
+from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from copose.errors import InputError
 from copose.report import style
-from copose.report.columns import plain_table
-from copose.report.limits import limit_values
-from copose.report.placement import ANGLES, distance_rows, offset
-from copose.report.slices import angular_slice, linear_slice
+from copose.report.columns import joint_table, lines, sections, table
+from copose.report.ellipsoids import ellipsoid_rows
+from copose.report.limits import limit_lines, limit_values
+from copose.report.placement import ANGLES, offset
 from copose.results import Posture, Solution
+
+# What the two are called in tables.
+_AB = ("A", "B")
 
 
 @dataclass(frozen=True)
@@ -64,119 +67,96 @@ def compare(one: Solution, other: Solution, names: tuple[str, str] = ("A", "B"))
 
 def comparison_table(comparison: Comparison) -> RenderableType:
     """Figures of both, and how far each joint is apart."""
-    if comparison.cases:
-        return Group(_totals(comparison), *_free(comparison), *_where(comparison))
-    return Group(_figures(comparison), *_free(comparison), Text(""), _joints(comparison))
-
-
-def _totals(comparison: Comparison) -> Table:
-    """What was optimised, the totals, and each case's own value."""
-    table = _settings(comparison, "its value (of cases: Σ weight · value)")
-    found = [
-        {case.name: case.objective for case in solution.cases or ()}
-        for solution in comparison.solutions
+    named = [Text(f"{letter}: {name}") for letter, name in zip(_AB, comparison.names, strict=True)]
+    parts: list[RenderableType] = [*named * (comparison.names != _AB), _settings(comparison)]
+    one, other = comparison.postures
+    for letter, solution, posture in zip(
+        _AB, comparison.solutions, comparison.postures, strict=True
+    ):
+        named_postures: dict[str, Posture] = {
+            f"{case.name}: ": case for case in solution.cases or ()
+        }
+        if posture is not None:
+            named_postures = {"": posture}
+        parts += lines(
+            (f"{letter}: {name}{about}", words)
+            for name, each in named_postures.items()
+            for about, words in limit_lines(solution, each)
+        )
+    if one is not None and other is not None:
+        parts.append(_joints(comparison, one, other))
+    parts += _free(comparison)
+    if one is not None and other is not None:
+        parts.append(_figures(comparison, (one, other)))
+    both = zip(_AB, comparison.solutions, strict=True)
+    parts += [
+        Text(f"the postures of {name} are in its {len(solution.cases)} cases", style="dim")
+        for name, solution in both
+        if solution.cases
     ]
-    for name in found[0] | found[1]:
-        cells = [style.six(each[name]) if name in each else "–" for each in found]
-        table.add_row(Text(f"case {name}"), *cells)
-    _add_distances(table, comparison)
-    return table
+    return sections(parts)
 
 
-def _free(comparison: Comparison) -> list[RenderableType]:
+def _settings(comparison: Comparison) -> Table:
+    """What was optimised, its value, and each case's own."""
+    both = comparison.solutions
+    value = "Σ weight · value" if comparison.cases else "its value"
+    rows: list[tuple[str, ...]] = [
+        ("objective", *(solution.objective.kind for solution in both)),
+        (value, *(f"{style.six(s.objective.after)} {s.objective.unit}" for s in both)),
+        ("axes", *(" ".join(solution.problem.axes) for solution in both)),
+        ("resolution", *(solution.problem.resolution for solution in both)),
+        ("torque scaling", *(solution.problem.torque_scaling for solution in both)),
+    ]
+    cases = [{case.name: case for case in solution.cases or ()} for solution in both]
+    for name in cases[0] | cases[1]:
+        cells = [style.six(each[name].objective) if name in each else "–" for each in cases]
+        rows.append((f"case {name}", *cells))
+    return table(("", *_AB), rows)
+
+
+def _free(comparison: Comparison) -> list[Table]:
     """Where either has what was free; nothing where nothing was."""
     both = [
         {record.name: offset(record.after) for record in solution.freedom}
         for solution in comparison.solutions
     ]
-    names = list(both[0] | both[1])
-    if not names:
-        return []
-    table = plain_table("free: offset to its file's pose")
-    for name in (*comparison.names, ""):
-        table.add_column(Text(name), justify="right", overflow="fold")
-    for name in names:
-        unit = "rad" if name.rpartition(".")[2] in ANGLES else "m"
-        table.add_row(Text(name), *(each.get(name, "–") for each in both), unit)
-    return [Text(""), table]
-
-
-def _where(comparison: Comparison) -> list[Text]:
-    """Where postures are found."""
-    both = zip(comparison.names, comparison.solutions, strict=True)
-    return [
-        Text(f"the postures of {name} are in its {len(solution.cases)} cases", style="dim")
-        for name, solution in both
-        if solution.cases
+    rows = [
+        (
+            name,
+            *(each.get(name, "–") for each in both),
+            "rad" if name.rpartition(".")[2] in ANGLES else "m",
+        )
+        for name in both[0] | both[1]
     ]
+    return [table(("free, from its file's pose", *_AB, ""), rows)] if rows else []
 
 
-def _settings(comparison: Comparison, value: str) -> Table:
-    """What was optimised, and its value."""
-    table = plain_table("")
-    for name in comparison.names:
-        table.add_column(Text(name), justify="right", overflow="fold")
-    both = comparison.solutions
-    table.add_row("objective", *(solution.objective.kind for solution in both))
-    values = [(solution.objective.after, solution.objective.unit) for solution in both]
-    table.add_row(value, *(f"{style.six(number)} {unit}" for number, unit in values))
-    table.add_row("axes", *(" ".join(solution.problem.axes) for solution in both))
-    table.add_row("resolution", *(solution.problem.resolution for solution in both))
-    table.add_row("torque scaling", *(solution.problem.torque_scaling for solution in both))
-    return table
-
-
-def _figures(comparison: Comparison) -> Table:
-    table = _settings(comparison, "its value")
-    postures = [posture for posture in comparison.postures if posture is not None]
+def _figures(comparison: Comparison, postures: tuple[Posture, Posture]) -> Table:
     both = list(zip(comparison.solutions, postures, strict=True))
-    for name in postures[0].log_volumes:
-        volumes = [posture.log_volumes.get(name) for posture in postures]
-        table.add_row(f"log-volume, {name}", *map(style.six, volumes))
-    for k, (title, part) in enumerate((("linear", linear_slice), ("angular", angular_slice))):
-        parts = [part(posture.ellipsoid, s.problem.axes) for s, posture in both]
-        units = [style.units(solution)[k] for solution, _ in both]
-        if any(parts):
-            cells = [
-                "–" if p is None else f"{style.numbers(tuple(p.ellipsoid.radii))} {unit}"
-                for p, unit in zip(parts, units, strict=True)
-            ]
-            table.add_row(f"{title} semi-axes", *cells)
-    centers = [posture.ellipsoid.center or () for posture in postures]
-    if any(any(center) for center in centers):
-        table.add_row("centre, at zero torque", *map(style.numbers, centers))
+    rows = list(ellipsoid_rows(both))
     limits = [limit_values(solution, posture) for solution, posture in both]
     for name in limits[0] | limits[1]:
         cells = [
             f"{style.three(each[name][0])} {each[name][1]}" if name in each else "–"
             for each in limits
         ]
-        table.add_row(name, *cells)
-    _add_distances(table, comparison)
-    return table
+        rows.append((name, *cells))
+    return table(("ellipsoid", *_AB), rows)
 
 
-def _add_distances(table: Table, comparison: Comparison) -> None:
-    """The smallest distance of each, where one is known."""
-    found = []
-    for solution in comparison.solutions:
-        alone = [] if solution.after is None else [solution.after]
-        row = next(distance_rows([], solution.cases or alone), None)
-        found.append("–" if row is None else f"{row[2]} m")
-    if set(found) != {"–"}:
-        table.add_row("smallest distance", *found)
-
-
-def _joints(comparison: Comparison) -> Table:
-    table = Table(show_edge=False, pad_edge=False)
-    table.add_column("joint, rad or m", overflow="fold")
-    for name in (*comparison.names, "difference"):
-        table.add_column(Text(name), justify="right", overflow="fold")
-    one, other = comparison.postures
-    assert one is not None and other is not None
-    for arm, names in comparison.solutions[0].joint_names.items():
-        unlimited = comparison.solutions[0].unlimited.get(arm, ())
-        for name, a, b in zip(names, one.joints[arm], other.joints[arm], strict=True):
-            apart = math.remainder(b - a, math.tau) if name in unlimited else b - a
-            table.add_row(Text(f"{arm}/{name}"), f"{a:.4f}", f"{b:.4f}", f"{apart:+.4f}")
-    return table
+def _joints(comparison: Comparison, one: Posture, other: Posture) -> Table:
+    first = comparison.solutions[0]
+    apart: dict[str, list[str]] = {}
+    for arm, names in first.joint_names.items():
+        unlimited = first.unlimited.get(arm, ())
+        steps = zip(names, one.joints[arm], other.joints[arm], strict=True)
+        apart[arm] = [
+            f"{math.remainder(b - a, math.tau) if name in unlimited else b - a:+.4f}"
+            for name, a, b in steps
+        ]
+    columns = {
+        letter: {arm: [f"{x:.4f}" for x in q] for arm, q in posture.joints.items()}
+        for letter, posture in zip(_AB, (one, other), strict=True)
+    }
+    return joint_table(first.joint_names, columns | {"difference": apart})

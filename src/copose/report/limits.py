@@ -1,8 +1,9 @@
-"""What a result says of torque limits, of velocities and of forces, as tables."""
+"""What a result says of limits of joints, torques and distances, of velocities and of forces."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import chain
 
 import numpy as np
 from rich.console import RenderableType
@@ -11,21 +12,23 @@ from rich.text import Text
 
 from copose.problem import SPACES
 from copose.report import style
-from copose.report.columns import aligned, compared_table, plain_table
-from copose.report.slices import angular_slice, linear_slice, semi_axes
-from copose.results import CompanionRecord, EllipsoidRecord, Posture, Solution, WrenchRecord
+from copose.report.columns import aligned, joint_table, shared_beginning, table
+from copose.report.ellipsoids import radii_words
+from copose.report.slices import angular_slice, linear_slice
+from copose.results import EllipsoidRecord, Posture, Solution, WrenchRecord
 
 # Extremes whose contact wrenches are all listed, and arms beside one another.
-_EXTREMES, _ARMS = 8, 3
-# Semi-axes of internal forces that are listed.
-_SEMI_AXES = 6
-# Shares that differ by less, relative, are equally large.
+_EXTREMES, _ARMS = 8, 2
+# Numbers beside one another.
+_COLUMNS = 6
+# Shares of torque limits that differ by less, relative, are equally large.
 _EQUAL = 1e-6
+# A joint nearer to an end of its range, as a share of the range, is at that end.
+_END = 1e-4
 
 _MEANING = {
     "payload": ", the most that can be held",
     "residual radius": ", all round from rest",
-    "largest holding torque": "",
 }
 
 
@@ -41,11 +44,6 @@ def limit_values(solution: Solution, posture: Posture) -> dict[str, tuple[float,
         if radius is not None:
             kind = "angular" if axes[0] in style.ANGULAR_AXES else "linear"
             found[f"residual radius, {kind}"] = radius, style.plain_unit(axes)
-    if posture.static_torque:
-        found["largest holding torque"] = (
-            100 * style.largest_share(posture.static_torque),
-            "% of its limit",
-        )
     return found
 
 
@@ -63,12 +61,132 @@ def limit_rows(solution: Solution) -> Iterator[tuple[str, str, str, str]]:
             yield name, was, now, unit + _MEANING[kind]
 
 
+def limit_lines(
+    solution: Solution, posture: Posture, before: Posture | None = None
+) -> Iterator[tuple[str, str]]:
+    """What keeps a posture from being better: joints, torques and bodies at, or next to, a limit.
+
+    Args:
+        solution: whose it is.
+        posture: after.
+        before: what it is compared with.
+    """
+    if _bounded(solution):
+        ends = {
+            arm: [("", " (lower)", " (upper)")[end] for end in mine]
+            for arm, mine in _ends(solution, posture).items()
+        }
+        yield "at joint limits:", _joints(solution, lambda arm, k: ends[arm][k]) or "none"
+    strained = (posture.torque_shares or {}).get(_deciding(solution, posture), {})
+    if strained:
+        words = _joints(solution, lambda arm, k: " " * (strained[arm][k] >= 1 - _EQUAL))
+        yield "at torque limits:", words or "none"
+    shares = posture.static_torque
+    if shares:
+        largest = style.largest_share(shares)
+        words = _joints(solution, lambda arm, k: " " * (shares[arm][k] >= largest * (1 - _EQUAL)))
+        earlier = before.static_torque if before is not None else None
+        past = f"; before {style.percent(style.largest_share(earlier))} %" if earlier else ""
+        yield "largest holding torque:", f"{style.percent(largest)} % of its limit, {words}{past}"
+    if posture.collision is not None:
+        was = before.collision if before is not None else None
+        past = f"; before {style.three(was.distance)} m" if was is not None else ""
+        distance = style.three(posture.collision.distance)
+        yield "nearest bodies:", f"{distance} m, {' – '.join(posture.collision.pair)}{past}"
+
+
+def _joints(solution: Solution, words: Callable[[str, int], str]) -> str:
+    """The joints of which there is something to say, by arm: ``left j*: 2 (upper), 4``."""
+    found = []
+    for arm, names in solution.joint_names.items():
+        told = [name + words(arm, k).rstrip() for k, name in enumerate(names) if words(arm, k)]
+        begin = shared_beginning(names)
+        if len(told) > 1 and begin:
+            told = [f"{begin}*: {told[0].removeprefix(begin)}"] + [
+                name.removeprefix(begin) for name in told[1:]
+            ]
+        if told:
+            found.append(f"{arm} {', '.join(told)}")
+    return "; ".join(found)
+
+
+def _ends(solution: Solution, posture: Posture) -> dict[str, list[int]]:
+    """At which end of its range each joint is: 1 lower, 2 upper, 0 neither or held."""
+    found: dict[str, list[int]] = {}
+    for arm, limits in solution.limits.items():
+        found[arm] = []
+        for q, limit in zip(posture.joints[arm], limits, strict=True):
+            lower, upper = limit.lower, limit.upper
+            near = _END * (upper - lower) if lower is not None and upper is not None else _END
+            at = [end is not None and near > 0 and abs(q - end) <= near for end in (lower, upper)]
+            found[arm].append(at[0] + 2 * at[1] if sum(at) == 1 else 0)
+    return found
+
+
+def _deciding(solution: Solution, posture: Posture) -> str:
+    """The extreme that the objective is the value of, by its name; empty where there is none."""
+    kind, records = solution.objective.kind, posture.accelerations or ()
+    if kind == "payload":
+        return kind
+    if kind == "all-round":
+        angular = solution.problem.axes[0] in style.ANGULAR_AXES
+        return f"residual radius, {'angular' if angular else 'linear'}"
+    if kind != "acceleration":
+        return ""
+    own = [n for n in posture.torque_shares or {} if n.startswith(kind) and not _along_axis(n)]
+    values = {name: records[int(name.partition(" ")[2] or 1) - 1].value for name in own}
+    return min(values, key=lambda name: values[name] or 0.0, default="")
+
+
+def joints_table(solution: Solution) -> Table:
+    """Joint positions, before and after, within their ranges, and shares of torque limits of a
+    hold; limits that are met and the largest shares have a star.
+    """
+    after, before = solution.after, solution.before
+    assert after is not None
+    columns: dict[str, Mapping[str, Sequence[str | Text]]] = {}
+    for title, posture in (("before", before), (style.now(solution), after)):
+        if posture is not None:
+            columns[title] = {arm: list(map(_four, q)) for arm, q in posture.joints.items()}
+    if _bounded(solution):
+        ends = _ends(solution, after)
+        for k, title in enumerate(("lower", "upper"), 1):
+            columns[title] = {
+                arm: [
+                    "*" * (end == k) + _four(getattr(limit, title))
+                    for end, limit in zip(ends[arm], limits, strict=True)
+                ]
+                for arm, limits in solution.limits.items()
+            }
+    if after.static_torque:
+        largest = style.largest_share(after.static_torque)
+        columns["hold, %"] = {
+            arm: [_share(share, largest) for share in shares]
+            for arm, shares in after.static_torque.items()
+        }
+    return joint_table(solution.joint_names, columns)
+
+
+def _share(share: float, largest: float) -> Text:
+    """In percent, with a star where it is the largest, red above the limit."""
+    star = "*" * (share >= largest * (1 - _EQUAL))
+    return Text(star + style.percent(share), "bold red" if share > 1 else "bold" * bool(star))
+
+
+def _four(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4f}"
+
+
+def _bounded(solution: Solution) -> bool:
+    """Whether some joint is known to have a limit."""
+    return any((x.lower, x.upper) != (None, None) for x in chain(*solution.limits.values()))
+
+
 def limit_tables(solution: Solution) -> list[RenderableType]:
-    """Shares of torque limits, accelerations, contact wrenches, velocities and forces."""
+    """Accelerations, contact wrenches, velocities and forces."""
     after = solution.after
     assert after is not None
     return [
-        *_shares(solution, after),
         *_accelerations(solution, after),
         *_joint_accelerations(solution, after),
         *_wrenches(solution, after),
@@ -78,30 +196,6 @@ def limit_tables(solution: Solution) -> list[RenderableType]:
 
 def _when(solution: Solution) -> str:
     return " after" if solution.before is not None else ""
-
-
-def _shares(solution: Solution, posture: Posture) -> list[Table]:
-    """A row for each arm, a share of its limit for each joint; ``*`` largest, ``!`` too large."""
-    shares = posture.static_torque
-    if not shares:
-        return []
-    largest = style.largest_share(shares)
-    over = largest > 1
-
-    def words(share: float) -> str:
-        mark = "!" * (share > 1) + "*" * (share >= largest * (1 - _EQUAL))
-        return f"{style.percent(share)}{mark:<{1 + over}}"
-
-    lines = aligned([[words(share) for share in mine] for mine in shares.values()], "  ")
-    legend = "* largest, ! over the limit" if over else "* largest"
-    title = f"torque to hold the object{_when(solution)}, % of each joint's limit ({legend})"
-    table = plain_table("arm", title)
-    for name, line in zip(shares, lines, strict=True):
-        text = Text(line)
-        text.highlight_regex(r"\S+\*", "bold")
-        text.highlight_regex(r"\S+!\*?", "bold red")
-        table.add_row(Text(name), text)
-    return [table]
 
 
 def _accelerations(solution: Solution, posture: Posture) -> list[Table]:
@@ -119,13 +213,13 @@ def _accelerations(solution: Solution, posture: Posture) -> list[Table]:
         aligned([[style.three(values.get(u)) for u in pair] for pair in pairs], " / ")
         for values in shown
     ]
-    table = compared_table(solution, "largest acceleration, others zero")
-    names = SPACES[solution.problem.space].coordinates
+    names, rows = SPACES[solution.problem.space].coordinates, []
     for pair, *cells in zip(pairs, *columns, strict=True):
         touched = [name for name, x in zip(names, pair[0], strict=True) if x]
         words = " / ".join(_direction(u, names) for u in pair)
-        table.add_row(words, *cells, style.plain_unit(touched))
-    return [table]
+        rows.append((words, *cells, style.plain_unit(touched)))
+    titles = "largest acceleration, others zero", *style.stages(solution), ""
+    return [table(titles, rows)]
 
 
 def _joint_accelerations(solution: Solution, posture: Posture) -> list[Table]:
@@ -144,11 +238,8 @@ def _joint_accelerations(solution: Solution, posture: Posture) -> list[Table]:
             rows[name] = [style.three(size)]
     if not rows:
         return []
-    table = plain_table(f"joint accelerations{_when(solution)}")
-    table.add_column("largest, rad/s² or m/s²", justify="right")
-    for name, cell in zip(rows, aligned(list(rows.values()), " / "), strict=True):
-        table.add_row(name, cell)
-    return [table]
+    titles = f"joint accelerations{_when(solution)}", "largest, rad/s² or m/s²"
+    return [table(titles, zip(rows, aligned(list(rows.values()), " / "), strict=True))]
 
 
 def _values(posture: Posture) -> dict[tuple[float, ...], float | None]:
@@ -183,21 +274,20 @@ def _wrenches(solution: Solution, posture: Posture) -> list[RenderableType]:
         own = {name: title for name, title in listed.items() if not _along_axis(name)}
         listed, left_out = own, len(listed) - len(own)
     space = SPACES[solution.problem.space]
-    first, parts = f"contact wrenches{_when(solution)}", "N / N·m / N" if space.rigid else "N / N"
-    meaning = "force / moment / internal force" if space.rigid else "force / internal force"
+    unit = "N / N·m / N" if space.rigid else "N / N"
+    meaning = "force / moment / internal" if space.rigid else "force / internal"
     arms = list(posture.arms)
     tables: list[RenderableType] = []
     for i in range(0, len(arms), _ARMS):
-        some = arms[i : i + _ARMS]
-        table = plain_table(f"{first}:\n{meaning}")
-        columns = []
-        for arm in some:
-            table.add_column(Text(f"{arm}\n{parts}"), justify="right", overflow="fold")
-            sizes = [_sizes(wrenches[name][arm], len(space.linear)) for name in listed]
-            columns.append(aligned(sizes, " / "))
-        for title, *cells in zip(listed.values(), *columns, strict=True):
-            table.add_row(title, *cells)
-        tables.append(table)
+        columns = [
+            aligned([_sizes(wrenches[name][arm], len(space.linear)) for name in listed], " / ")
+            for arm in arms[i : i + _ARMS]
+        ]
+        heads = (
+            f"contact wrenches{_when(solution)},\n{meaning}",
+            *(f"{arm}\n{unit}" for arm in arms[i : i + _ARMS]),
+        )
+        tables.append(table(heads, zip(listed.values(), *columns, strict=True)))
     if left_out:
         tables.append(Text(f"contact wrenches of {left_out} more: in result.json", style="dim"))
     return tables
@@ -223,58 +313,56 @@ def _sizes(record: WrenchRecord, linear: int) -> list[str]:
     return [style.three(float(np.linalg.norm(part))) for part in parts if part]
 
 
-def _companions(solution: Solution, posture: Posture) -> list[Table]:
-    """A row for each ellipsoid of velocities and of forces: its linear and angular semi-axes."""
-    found = posture.companions or {}
+def _companions(solution: Solution, posture: Posture) -> Iterator[Table]:
+    """A row for each ellipsoid of velocities and of forces: its linear and angular semi-axes, and
+    how far it reaches along every axis and every direction of the objective.
+    """
+    found, axes = posture.companions or {}, solution.problem.axes
     limited = solution.problem.torque_scaling == "limits"
     torque = "at the torque limits" if limited else "per N·m of torque"
     velocities = {name: record for name, record in found.items() if "velocity" in name}
     internal = {name: record for name, record in found.items() if name == "internal force"}
     forces = {n: record for n, record in found.items() if n not in velocities | internal}
-    tables = [
-        _semi_axes("velocities per unit joint speed", ("m/s", "rad/s"), velocities, solution),
-        _semi_axes(f"forces {torque}", ("N", "N·m"), forces, solution),
-    ]
-    along = _along(velocities | forces, solution)
+    for title, units, records in (
+        ("velocities per unit joint speed", ("m/s", "rad/s"), velocities),
+        (f"forces {torque}", ("N", "N·m"), forces),
+    ):
+        yield from _semi_axes(title, units, records, axes)
+    records = velocities | forces
+    longest = max((len(record.along or ()) for record in records.values()), default=0)
+    words = [*axes, *(f"direction {k + 1}" for k in range(longest - len(axes)))][:longest]
+    for i in range(0, longest, _COLUMNS):
+        some = slice(i, i + _COLUMNS)
+        rows = [
+            (name, *map(style.three, (record.along or (None,) * longest)[some]))
+            for name, record in records.items()
+        ]
+        yield table(("the same along", *words[some]), rows)
     unit = "N and N·m" if SPACES[solution.problem.space].rigid else "N"
-    squeeze = plain_table(f"forces between arms {torque}", f"semi-axes, {unit}")
+    squeezed = []
     for name, record in internal.items():
         radii = [style.three(radius) for radius in record.radii or ()]
-        if len(radii) > _SEMI_AXES:
-            radii[_SEMI_AXES - 1 : -1] = ["…"]
-        squeeze.add_row(name, ", ".join(radii) or "–")
-    tables.append(along)
-    return [table for table in (*tables, squeeze) if table is not None and table.row_count]
-
-
-def _along(records: Mapping[str, CompanionRecord], solution: Solution) -> Table | None:
-    """How far each reaches along every axis and every direction of the objective."""
-    longest = max((len(record.along or ()) for record in records.values()), default=0)
-    if not longest:
-        return None
-    table = plain_table("the same along")
-    axes = solution.problem.axes
-    for word in (*axes, *(f"direction {k + 1}" for k in range(longest - len(axes)))):
-        table.add_column(word, justify="right")
-    for name, record in records.items():
-        cells = [style.three(value) for value in record.along or ()] or ["–"] * longest
-        table.add_row(name, *cells)
-    return table
+        if len(radii) > _COLUMNS:
+            radii[_COLUMNS - 1 : -1] = ["…"]
+        squeezed.append((name, "  ".join(radii) or "–"))
+    if squeezed:
+        yield table((f"forces between arms {torque}", f"semi-axes, {unit}"), squeezed)
 
 
 def _semi_axes(
-    title: str, units: tuple[str, str], records: Mapping[str, EllipsoidRecord], solution: Solution
-) -> Table | None:
-    """A row for each ellipsoid; None where no posture has one."""
-    axes = solution.problem.axes
-    table, columns = plain_table(title), []
+    title: str,
+    units: tuple[str, str],
+    records: Mapping[str, EllipsoidRecord],
+    axes: Sequence[str],
+) -> Iterator[Table]:
+    """A row for each ellipsoid; nothing where no posture has one."""
+    titles, columns = [title], []
     for part, word, unit in zip(
         (linear_slice, angular_slice), ("linear", "angular"), units, strict=True
     ):
         found = [part(record, axes) for record in records.values()]
         if any(found):
-            table.add_column(f"{word} semi-axes, {unit}", justify="right")
-            columns.append([semi_axes(each) for each in found])
-    for name, *cells in zip(records, *columns, strict=True):
-        table.add_row(name, *cells)
-    return table if columns else None
+            titles.append(f"{word} semi-axes, {unit}")
+            columns.append(aligned(list(map(radii_words, found)), "  "))
+    if columns:
+        yield table(titles, zip(records, *columns, strict=True))

@@ -10,7 +10,7 @@ import numpy as np
 from copose.capability import Ellipsoid
 from copose.poses import Array
 from copose.problem import SPACES
-from copose.report.style import ANGULAR_AXES, LINEAR_AXES, numbers
+from copose.report.style import ANGULAR_AXES, LINEAR_AXES
 from copose.results import EllipsoidRecord, Solution
 
 
@@ -68,11 +68,6 @@ def _slice(record: EllipsoidRecord, names: Sequence[str], world: dict[str, int])
     if ellipsoid is None or not rows:
         return None
     return Slice(ellipsoid.sliced(rows), tuple(world[names[i]] for i in rows))
-
-
-def semi_axes(part: Slice | None) -> str:
-    """Semi-axes, longest first; – where there is no slice."""
-    return "–" if part is None else numbers(tuple(part.ellipsoid.radii))
 
 
 def all_coordinates(solution: Solution) -> tuple[str, ...]:

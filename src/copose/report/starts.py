@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from rich.console import RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from copose.collision import Solid, link_solids
 from copose.errors import InputError
-from copose.poses import Array, Pose
+from copose.poses import Array
 from copose.problem import Problem
+from copose.report.columns import aligned, table
 from copose.results import (
     ArmRecord,
     EllipsoidRecord,
@@ -31,23 +31,20 @@ from copose.robots import ArmStart
 def start_table(problem: Problem, starts: Sequence[ArmStart]) -> list[RenderableType]:
     """The object's frame and every tip's, and by how much each arm misses its grasp."""
     planar = problem.space.planar
-    table = Table(title=Text("at the start"), title_justify="left", show_edge=False, pad_edge=False)
-    table.add_column("frame", overflow="fold")
-    for column in ("in", "position, m", "angle, rad" if planar else "rpy, rad"):
-        table.add_column(column)
-
-    def row(what: str, within: str, pose: Pose) -> None:
-        position, turn = (
-            (pose.position[:2], pose.rpy[2:]) if planar else (pose.position, pose.plain_rpy)
-        )
-        table.add_row(Text(what), within, _numbers(position), _numbers(turn))
-
-    row("object", "world", problem.object.pose)
+    frames = [("object", "world", problem.object.pose)]
     for start in starts:
-        row(f"{start.arm.name}: tip", "world", start.tip)
-        row("", "object", start.tip_in_object)
-        row(f"{start.arm.name}: grasp", "object", start.arm.grasp)
-    return [table, *(Text(start_words(start)) for start in starts)]
+        frames.append((f"{start.arm.name}: tip", "world", start.tip))
+        frames.append(("", "object", start.tip_in_object))
+        frames.append((f"{start.arm.name}: grasp", "object", start.arm.grasp))
+    places = [
+        (pose.position[:2], pose.rpy[2:]) if planar else (pose.position, pose.plain_rpy)
+        for _, _, pose in frames
+    ]
+    columns = [aligned(list(map(_numbers, part)), "  ") for part in zip(*places, strict=True)]
+    titles = "at the start", "in", "position, m", "angle, rad" if planar else "rpy, rad"
+    rows = [(what, within, *cells)
+            for (what, within, _), *cells in zip(frames, *columns, strict=True)]  # fmt: skip
+    return [table(titles, rows), *(Text(start_words(start)) for start in starts)]
 
 
 def start_words(start: ArmStart) -> str:
@@ -104,5 +101,5 @@ class StartScene:
         return cls(record, posture)
 
 
-def _numbers(values: Sequence[float] | Array) -> str:
-    return " ".join(f"{round(float(value), 4) + 0.0:.4f}" for value in values)
+def _numbers(values: Sequence[float] | Array) -> list[str]:
+    return [f"{round(float(value), 4) + 0.0:.4f}" for value in values]

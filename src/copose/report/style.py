@@ -143,6 +143,11 @@ def now(solution: Solution) -> str:
     return "after" if compared(solution) or placed else "posture"
 
 
+def stages(solution: Solution) -> tuple[str, ...]:
+    """What the columns of a result's tables are called."""
+    return ("before",) * compared(solution) + (now(solution),)
+
+
 def measure_word(solution: Answer) -> str:
     """What the content of a result's ellipsoid is called."""
     return {1: "length", 2: "area"}.get(len(solution.problem.axes), "volume")

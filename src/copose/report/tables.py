@@ -3,143 +3,131 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Sequence
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
-from copose.capability import RESOLUTIONS
 from copose.problem import SPACES, Problem
 from copose.report import style
 from copose.report.columns import (
-    compared_table,
     counted,
     heading,
+    joint_table,
+    lines,
     note_lines,
-    plain_table,
+    sections,
     status_line,
+    table,
+    times,
+    timing_line,
 )
-from copose.report.limits import limit_rows, limit_tables
-from copose.report.placement import case_tables, distance_rows, free_tables, placement_lines
-from copose.report.slices import angular_slice, linear_slice, semi_axes
+from copose.report.ellipsoids import closure_row, ellipsoid_rows
+from copose.report.limits import joints_table, limit_lines, limit_rows, limit_tables
+from copose.report.placement import case_tables, free_tables
 from copose.report.starts import start_table
 from copose.results import Solution
-from copose.robots import ArmStart
+from copose.robots import ArmStart, Joint
 
 # Local optima that are listed.
 _OPTIMA = 5
+# Joint positions that differ by less, rad or m, are the same.
+_SAME = 1e-6
 
 
-def solution_table(solution: Solution) -> RenderableType:
-    """What a result says, in the order in which a reader asks."""
-    parts: list[RenderableType] = []
-    parts.append(status_line(solution))
+def solution_table(solution: Solution, *, verbose: bool = False) -> RenderableType:
+    """What a result says, in the order in which a reader asks.
+
+    Args:
+        solution: the result.
+        verbose: whether to list what was searched and how long it took.
+    """
+    parts: list[RenderableType] = [status_line(solution)]
     if solution.after is not None:
-        parts += [_numbers(solution), _volumes(solution)]
-        parts += [*limit_tables(solution), _joints(solution), *free_tables(solution)]
+        parts += _posture(solution)
     elif solution.cases:
         parts += [*case_tables(solution), *free_tables(solution)]
-    parts.append(Text(_evidence(solution)))
-    parts += note_lines(solution.notes)
-    return Group(*parts)
+    parts += [*note_lines(solution.notes), *map(Text, _evidence(solution, verbose))]
+    return sections(parts)
 
 
-def _numbers(solution: Solution) -> Table:
-    after = solution.after
-    assert after is not None
-    compared = solution.before is not None
-    table = compared_table(solution, "")
-
-    def row(name: str, before: str, now: str, words: str = "") -> None:
-        table.add_row(*([name, before, now, words] if compared else [name, now, words]))
-
-    objective, unit = solution.objective, style.objective_unit(solution)
-    gained = ", ".join(filter(None, (unit, style.gain(solution))))
-    said = gained if unit else style.gain_words(solution)
-    values = style.six(objective.before), style.six(objective.after)
-    row(style.objective_name(solution), *values, said)
-    before = solution.before
-    axes = solution.problem.axes
-    titles = ("linear semi-axes", "angular semi-axes")
-    kinds = zip(titles, (linear_slice, angular_slice), style.units(solution), strict=True)
-    for title, part, unit in kinds:
-        found = part(after.ellipsoid, axes)
-        if found is not None:
-            was = part(before.ellipsoid, axes) if before is not None else None
-            row(title, semi_axes(was), semi_axes(found), unit)
-    if any(after.ellipsoid.center or ()):
-        past = style.numbers(before.ellipsoid.center or ()) if before is not None else ""
-        row("centre, at zero torque", past, style.numbers(after.ellipsoid.center or ()), "")
-    for limit in limit_rows(solution):
-        row(*limit)
-    space = SPACES[solution.problem.space]
-    errors = [p.closure_error for p in (solution.before, after) if p is not None]
-    closure = [f"{max(error.values()):.1e}" for error in errors]
-    row("closure error", closure[0], closure[-1], "m, rad" if space.rigid else "m")
-    for distance in distance_rows([solution.before] if solution.before else [], [after]):
-        row(*distance)
-    return table
-
-
-def _volumes(solution: Solution) -> Table:
-    """Both resolutions' volumes, whichever is optimised, and what each assumes."""
-    table = compared_table(solution, "log-volume")
+def _posture(solution: Solution) -> Iterator[RenderableType]:
+    """What was asked for, what limits it, the joints, and all else that is known of them."""
     after, before = solution.after, solution.before
     assert after is not None
-    for name, volume in after.log_volumes.items():
-        values = [style.six(volume)]
-        if before is not None:
-            values.insert(0, style.six(before.log_volumes.get(name)))
-        table.add_row(name, *values, RESOLUTIONS[name].assumes)
-    return table
+    unit, gained = style.objective_unit(solution), style.gain_words(solution)
+    words = f"{unit}, {style.gain(solution)}".removesuffix(", ") if unit else gained
+    compared = before is not None
+    values = solution.objective.before, solution.objective.after
+    row = style.objective_name(solution), *map(style.six, values[not compared :]), words
+    limited = [(name, *([was] * compared), now, unit)
+               for name, was, now, unit in limit_rows(solution)]  # fmt: skip
+    yield table(("", *style.stages(solution), ""), [row, *limited])
+    yield from lines([*_unchanged(solution), *limit_lines(solution, after, before)])
+    yield from [joints_table(solution), *free_tables(solution)]
+    both = [(solution, posture) for posture in (before, after) if posture is not None]
+    closure = closure_row(solution.problem.space, [[posture] for _, posture in both])
+    yield table(("ellipsoid", *style.stages(solution)), [*ellipsoid_rows(both), closure])
+    yield from limit_tables(solution)
 
 
-def _joints(solution: Solution) -> Table:
-    after = solution.after
-    assert after is not None
-    table = plain_table(
-        "arm", "joints after, rad or m" if style.now(solution) == "after" else "joints"
-    )
-    for name, positions in after.joints.items():
-        table.add_row(Text(name), " ".join(f"{position:.4f}" for position in positions))
-    return table
-
-
-def _evidence(solution: Solution) -> str:
-    """What was searched, what was found, and how long it took."""
-    timing, search = solution.timing, solution.search
-    lines = [
-        f"built in {timing.build_s:.2f} s, searched {timing.search_s:.2f} s ({timing.kernels})"
-    ]
-    if search is None:
-        return lines[0]
-    placements = placement_lines(search)
-    if not search.local_optima:
-        return "\n".join([*placements, *lines])
-    best = search.local_optima
-    listed = [f"{o.objective:.6f}" + (f" ×{o.count}" if o.count > 1 else "") for o in best]
-    if len(listed) > _OPTIMA:
-        listed = [*listed[:_OPTIMA], "…"]
-    starts = counted(search.starts, "start")
-    found = f"{counted(len(best), 'local optimum', 'local optima')} from {starts}: "
-    lines.insert(0, found + ", ".join(listed))
-    if search.samples:
-        postures = " × ".join(str(sample.closed) for sample in search.samples.values())
-        combined = f"{postures} closed postures, {counted(search.combinations, 'combination')}"
-        if search.best_sample is not None:
-            combined += f", the best {search.best_sample:.6f}"
-        lines.insert(0, f"{combined} (seed {search.seed}, {search.effort} effort)")
-    if search.failures:
-        ways = ", ".join(f"{failure.status} ×{failure.count}" for failure in search.failures)
-        lines.insert(-1, f"failed: {ways}")
-    again = search.verification
-    if again is not None:
-        verdict = "stands" if again.stands else "did not stand"
-        value = "nothing" if again.objective is None else f"{again.objective:.6f}"
-        lines.insert(
-            -1, f"the answer {verdict}: seed {again.seed} with twice the effort found {value}"
+def _unchanged(solution: Solution) -> Iterator[tuple[str, str]]:
+    """Why nothing was gained, where the posture before is the best."""
+    after, before = solution.after, solution.before
+    if after is None or before is None or style.gain(solution) != "×1":
+        return
+    pairs = ((before.joints[arm], q) for arm, q in after.joints.items())
+    if any(abs(a - b) > _SAME for pair in pairs for a, b in zip(*pair, strict=True)):
+        return
+    m = SPACES[solution.problem.space].m
+    held = {arm: all(x.lower is not None and x.lower == x.upper for x in limits)
+            for arm, limits in solution.limits.items()}  # fmt: skip
+    spare = any(len(names) > m and not held.get(arm) for arm, names in solution.joint_names.items())
+    if spare or solution.freedom:
+        yield "×1:", "the posture before is the best that was found"
+    else:
+        yield (
+            "×1:",
+            "nothing was free: the arms have no joint to spare; ranges of [object.freedom], "
+            "[arms.freedom.base] or [arms.freedom.grasp] would give freedom (copose manual cells)",
         )
-    return "\n".join([*placements, *lines])
+
+
+def _evidence(solution: Solution, verbose: bool) -> Iterator[str]:
+    """What was found, and where it is asked for what was searched and how long it took."""
+    search = solution.search
+    if search is not None:
+        again, optima, placements = search.verification, search.local_optima, search.placements
+        if verbose:
+            if placements is not None:
+                yield (
+                    f"{counted(placements.tried, 'placement')} tried, {placements.closed:,} of "
+                    f"them closed, {placements.polished:,} polished"
+                )
+            postures = " × ".join(f"{sample.closed:,}" for sample in search.samples.values())
+            best = "" if search.best_sample is None else f", the best {search.best_sample:.6f}"
+            yield (
+                f"{postures or 'no'} closed postures, {counted(search.combinations, 'combination')}"
+                f"{best} (seed {search.seed}, {search.effort} effort)"
+            )
+            listed = [f"{o.objective:.6f} ×{o.count}" for o in optima[:_OPTIMA]]
+            yield f"the best optima: {', '.join(listed) or 'none'}"
+            for failure in search.failures:
+                yield f"{failure.status}: {times(failure.count)}"
+        if again is not None:
+            verdict = "stands" if again.stands else "did not stand"
+            value = "nothing" if again.objective is None else f"{again.objective:.6f}"
+            yield f"the answer {verdict}: seed {again.seed} with twice the effort found {value}"
+    if verbose:
+        yield timing_line(solution.timing)
+    if search is not None and optima:
+        found = counted(len(optima), "local optimum", "local optima")
+        best = "the best met" if len(optima) > 1 else "met"
+        where = "" if placements is None else f", {counted(placements.tried, 'placement')} tried"
+        starts = counted(search.starts, "start")
+        lost = sum(failure.count for failure in search.failures)
+        none = f" ({lost:,} ended in none)" if lost else ""
+        yield f"{found}; {best} {times(optima[0].count)} from {starts}{none}{where}"
 
 
 def chains(
@@ -149,33 +137,38 @@ def chains(
     are at the start; and the way of the object, where it has one.
     """
     parts: list[RenderableType] = [heading(problem.name, problem.task.space)]
-    for arm in (start.arm for start in starts):
-        table = Table(
-            title=Text(f"{arm.name}: {arm.model}, {arm.n} joints"),
-            title_justify="left",
-            show_edge=False,
-            pad_edge=False,
-        )
-        table.add_column("joint", overflow="fold")
-        for column in ("kind", "lower", "upper", "effort", "speed", "armature"):
-            table.add_column(column, justify="right")
-        for joint in arm.joints:
-            limits = (joint.lower, joint.upper, joint.effort, joint.velocity)
-            shown = [_limit(value) for value in limits]
-            table.add_row(Text(joint.name), joint.kind, *shown, f"{joint.armature:g}")
-        parts.append(table)
+    arms = [start.arm for start in starts]
+    for arm in arms:
+        parts.append(Text(f"{arm.name}: {arm.model}, {counted(arm.n, 'joint')}"))
         if arm.locked:
             held = ", ".join(f"{joint.name} = {joint.position:g}" for joint in arm.locked)
-            parts.append(Text(f"locked: {held}"))
+            parts.append(Text(f"{arm.name}: locked: {held}"))
         if arm.fixed:
-            parts.append(Text("fixed: held at its start"))
-        parts.append(Text(""))
-    parts += [*start_table(problem, starts), Text("")]
+            parts.append(Text(f"{arm.name}: fixed: held at its start"))
+    shown: dict[str, Callable[[Joint], str]] = {
+        "kind": lambda joint: joint.kind,
+        "lower": lambda joint: _limit(joint.lower, ".4f"),
+        "upper": lambda joint: _limit(joint.upper, ".4f"),
+        "effort": lambda joint: _limit(joint.effort, "g"),
+        "speed": lambda joint: _limit(joint.velocity, "g"),
+        "armature": lambda joint: f"{joint.armature:g}",
+    }
+    columns = {
+        title: {arm.name: list(map(show, arm.joints)) for arm in arms}
+        for title, show in shown.items()
+    }
+    parts.append(joint_table({arm.name: arm.joint_names for arm in arms}, columns))
+    parts += start_table(problem, starts)
     if way is not None:
-        parts += [Text(way), Text("")]
+        parts.append(Text(way))
     parts += note_lines(notes)
-    return Group(*parts)
+    return sections(parts)
 
 
-def _limit(value: float) -> str:
-    return "none" if math.isinf(value) else f"{value:.5g}"
+def guesses(made: Sequence[str]) -> RenderableType:
+    """What a problem file was made with that nobody gave."""
+    return Group(Text("guessed:"), *lines((" ", guess) for guess in made))
+
+
+def _limit(value: float, digits: str) -> str:
+    return "none" if math.isinf(value) else format(value, digits)

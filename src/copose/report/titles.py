@@ -26,10 +26,5 @@ def distance_words(posture: Posture, most: int = 40) -> str:
     """The smallest distance and what it is between; empty where it is not known."""
     if posture.collision is None:
         return ""
-    return f"nearest: {style.three(posture.collision.distance)} m, {pair_words(posture, most)}"
-
-
-def pair_words(posture: Posture, most: int) -> str:
-    """What the smallest distance is between."""
-    assert posture.collision is not None
-    return " – ".join(style.short(name, most) for name in posture.collision.pair)
+    pair = " – ".join(style.short(name, most) for name in posture.collision.pair)
+    return f"nearest: {style.three(posture.collision.distance)} m, {pair}"

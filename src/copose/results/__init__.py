@@ -4,7 +4,6 @@ from copose.results.arrays import stacked
 from copose.results.files import read_motion, read_result, read_solution, to_json, write_file
 from copose.results.limits import AccelerationRecord, ExactSetRecord, WrenchRecord
 from copose.results.motion import (
-    JointRecord,
     Knot,
     Motion,
     PathSearchRecord,
@@ -18,6 +17,7 @@ from copose.results.solution import (
     CollisionRecord,
     FailureRecord,
     FreeRecord,
+    JointRecord,
     LinkRecord,
     ObjectiveRecord,
     Optimum,

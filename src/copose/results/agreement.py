@@ -56,6 +56,8 @@ def _solution(solution: Solution) -> Iterator[str]:
         yield "status: does not go with after"
     if any(not set(these) <= set(names.get(arm, ())) for arm, these in solution.unlimited.items()):
         yield "unlimited: not joints that joint_names lists"
+    if solution.limits and _counts(solution.limits) != _counts(names):
+        yield "limits: not those of the joints that joint_names lists"
     if cases is not None and len({case.name for case in cases}) < len(cases):
         yield "cases: two have one name"
     if cases and past and [case.name for case in cases] != [case.name for case in past]:
@@ -110,8 +112,13 @@ def _posture(answer: Solution | Motion, posture: Posture) -> Iterator[str]:
     for key, number in _numbers("", posture.model_dump()):
         if abs(number) > (_FARTHEST if _PLACES.search(key) else _LARGEST):
             yield f"{key}: {number:g} is larger than any can be"
-    for key in ("joints", "static_torque"):
-        values = getattr(posture, key)
+    shares = (posture.torque_shares or {}).items()
+    by_joint = {
+        "joints": posture.joints,
+        "static_torque": posture.static_torque,
+        **{f"torque_shares.{name}": each for name, each in shares},
+    }
+    for key, values in by_joint.items():
         if values is not None and _counts(values) != counts:
             yield f"{key}: not those that joint_names lists"
     by_arm: dict[str, Mapping[str, Any]] = {

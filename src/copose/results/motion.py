@@ -8,7 +8,13 @@ from copose.display import Displayed
 from copose.poses import Array
 from copose.results import arrays
 from copose.results.records import Finite, Record, Vector
-from copose.results.solution import ObjectiveRecord, Posture, ProblemRecord, Timing
+from copose.results.solution import (
+    JointRecord,
+    ObjectiveRecord,
+    Posture,
+    ProblemRecord,
+    Timing,
+)
 
 if TYPE_CHECKING:
     import pandas
@@ -30,23 +36,6 @@ class Knot(Posture):
     velocity: dict[str, Vector]
     acceleration: dict[str, Vector]
     torque: dict[str, Vector] | None
-
-
-class JointRecord(Record):
-    """Limits of a joint; null where it has none.
-
-    Attributes:
-        lower: rad or m; ``upper`` alike.
-        velocity: rad/s or m/s.
-        acceleration: rad/s² or m/s².
-        torque: N·m or N.
-    """
-
-    lower: Finite | None
-    upper: Finite | None
-    velocity: Finite | None
-    acceleration: Finite | None
-    torque: Finite | None
 
 
 class TrackingRecord(Record):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import model_serializer
+from pydantic import Field, model_serializer
 from pydantic_core.core_schema import SerializerFunctionWrapHandler
 
 from copose.collision import Solid, link_outlines
@@ -110,6 +110,7 @@ class Posture(Record):
         payload: kg, the largest mass of the object that can be held with every joint at rest, or
             accelerated as the objective asks with the least-norm joint accelerations.
         static_torque: share of each joint's limit in the hold whose largest share is smallest.
+        torque_shares: alike, of each extreme that is reported, by its name.
         residual_radius: of the largest ball of accelerations around rest.
         accelerations: the largest along directions.
         wrenches: of each extreme that is reported, by its name and by arm.
@@ -130,6 +131,7 @@ class Posture(Record):
     arms: dict[str, ArmRecord]
     payload: Finite | None = None
     static_torque: dict[str, Vector] | None = None
+    torque_shares: dict[str, dict[str, Vector]] | None = None
     residual_radius: Finite | None = None
     accelerations: tuple[AccelerationRecord, ...] | None = None
     wrenches: dict[str, dict[str, WrenchRecord]] | None = None
@@ -354,10 +356,28 @@ class ProblemRecord(Record):
         )
 
 
+class JointRecord(Record):
+    """Limits of a joint; null where it has none.
+
+    Attributes:
+        lower: rad or m, ``joint_margin`` kept; ``upper`` alike. One that is held has both alike.
+        velocity: rad/s or m/s.
+        acceleration: rad/s² or m/s².
+        torque: N·m or N.
+    """
+
+    lower: Finite | None
+    upper: Finite | None
+    velocity: Finite | None
+    acceleration: Finite | None
+    torque: Finite | None
+
+
 class Solution(Displayed, Record):
     """A result; written by `copose solve` as ``result.json``.
 
     Attributes:
+        limits: of every joint, by arm, in the order of ``joint_names``.
         unlimited: the revolute joints without limits, which are the same after a whole turn.
         freedom: what was free beside the joints.
         cases: in place of ``after``, the postures of the file's cases, in its order; ``before``
@@ -379,6 +399,7 @@ class Solution(Displayed, Record):
     nearest_miss: Posture | None = None
     search: SearchRecord | None
     timing: Timing
+    limits: dict[str, tuple[JointRecord, ...]] = Field(default_factory=dict)
     unlimited: dict[str, tuple[str, ...]]
     freedom: tuple[FreeRecord, ...] = ()
     cases: tuple[CasePosture, ...] | None = None
