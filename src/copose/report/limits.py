@@ -133,9 +133,9 @@ def _deciding(solution: Solution, posture: Posture) -> str:
         return f"residual radius, {'angular' if angular else 'linear'}"
     if kind != "acceleration":
         return ""
-    own = [n for n in posture.torque_shares or {} if n.startswith(kind) and not _along_axis(n)]
-    values = {name: records[int(name.partition(" ")[2] or 1) - 1].value for name in own}
-    return min(values, key=lambda name: values[name] or 0.0, default="")
+    values = {f"{kind} {k + 1}": record.value for k, record in enumerate(records)}
+    own = [name for name in (kind, *values) if name in (posture.torque_shares or {})]
+    return min(own, key=lambda name: values.get(name) or 0.0, default="")
 
 
 def joints_table(solution: Solution) -> Table:
