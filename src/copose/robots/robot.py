@@ -275,7 +275,7 @@ def _at_keyframe(
     if np.any((q < low - _ROUNDING) | (q > high + _ROUNDING)):
         text = f"arm {spec.name!r}: {where} is no start: outside the limits of {', '.join(outside)}"
         return None, (text,)
-    return frozen_array(np.clip(q, low, high)), (f"arm {spec.name!r} starts at {where}",)
+    return frozen_array(np.clip(q, low, high)), (f"{where} is the start of arm {spec.name!r}",)
 
 
 def _package_folder(place: str, folder: Path, key: str) -> Path:
