@@ -417,7 +417,7 @@ class TestPictures:
         text = picture(solution, "svg").decode()
         for words in (
             f"ball of radius {style.three(record.residual_radius)} around rest",
-            "exact set of linear accelerations, m/s²", "x, m/s²", "its centre: least torque",
+            "exact set of linear accelerations, m/s²", "x, m/s²", "centre: zero torque",
             "joint torque that holds the object, % of its limit", "contact forces holding it",
         ):  # fmt: skip
             assert words in text
@@ -497,7 +497,7 @@ class TestParts:
         radius = shown.record.residual_radius
         assert np.allclose(np.linalg.norm(lines["largest ball around rest"], axis=1), radius)
         assert np.allclose(lines["rest"], 0)
-        assert np.allclose(lines["its centre: least torque"], shown.record.ellipsoid.center)
+        assert np.allclose(lines["centre: zero torque"], shown.record.ellipsoid.center)
 
     def test_axes_in_another_order(self) -> None:
         """Are drawn along those of the scene."""

@@ -134,6 +134,11 @@ def test_objectives_and_directions(tmp_path: Path) -> None:
     up = copose.load(file, objective="acceleration", direction=[0, 0, 1]).objective
     assert up.wanted == ((0, 0, 1, 0, 0, 0),)
     assert copose.load(file, objective="isotropy").objective.kind == "isotropy"
+    held = copose.load(file, objective="payload").objective
+    assert held.direction is None and held.acceleration is None
+    driven = {"kind": "payload", "direction": [0, 0, 1, 0, 0, 0], "acceleration": 2.0}
+    file.write_text(toml(two_pandas() | {"objective": driven}))
+    assert copose.load(file, objective="payload").objective == held
     sliced = {"objective": {"kind": "volume", "axes": ["roll", "pitch", "yaw"]}}
     file.write_text(toml(two_pandas() | sliced))
     assert copose.load(file, direction=[0, 0, 1]).objective.directions[0].direction == (0, 0, 1)

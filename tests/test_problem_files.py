@@ -185,7 +185,7 @@ SPATIAL = [
     ("search.seed", 0.5, "search.seed: 0.5 must be a whole number"),
     ("search.reachable", 1, "search.reachable: 1 must be true or false"),
     ("path", {"duration": 1.0}, "path.waypoints: missing"),
-    ("path", {"waypoints": [{}]}, "path.waypoints: has 1 entries; at least 2 needed"),
+    ("path", {"waypoints": [{}]}, "path.waypoints: has 1 entry; at least 2 needed"),
     ("path", {"waypoints": [{}, {"angle": 1.0}]}, "path.waypoints[1].angle: unknown key"),
     (
         "path",

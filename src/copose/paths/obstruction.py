@@ -155,10 +155,12 @@ def blocked(
             f"no motion {what} in the posture that it begins with (branch)", sure=sure
         )
     names = ", ".join(repr(arm.name) for arm in machinery.cell.arms)
-    come = "can be come to" if sure else "were come to"
-    return _obstruction(
-        f"arms {names}, {_time(course, stop, duration)}: no postures that {come} {what}", sure=sure
-    )
+    none = f"no postures that can be reached here {what}"
+    if not sure:
+        none = f"no postures were found here that can be reached and {what}"
+        if any(arm.start is not None for arm in machinery.cell.arms):
+            none += "; another start, or none, may lead elsewhere"
+    return _obstruction(f"arms {names}, {_time(course, stop, duration)}: {none}", sure=sure)
 
 
 def too_fast(

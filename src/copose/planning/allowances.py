@@ -192,8 +192,6 @@ class Allowance:
         found.keys["exact_sets"] = records
         one = len(records) == 1
         radius = next(iter(records.values())).residual_radius if one else None
-        if len(records) > 1:
-            found.notes.append("residual_radius is of axes of one kind; see exact_sets for both")
         found.keys["residual_radius"] = radius
 
     def _touching(

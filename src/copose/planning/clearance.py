@@ -163,7 +163,8 @@ def in_the_way(bodies: Bodies, x: Array, pairs: Indices, *, every: bool) -> Bloc
     a, b = best.pair
     missing = bodies.clearance - max(best.distance, 0.0)
     how = "overlap" if best.distance <= 0 else f"are {missing:.3g} m too near"
-    return Blocked(f"{a} and {b} {how}, at best", every or len(alike) >= _MANY)
+    sure = every or len(alike) >= _MANY
+    return Blocked(f"{a} and {b} {how}, {'whatever the posture' if sure else 'at best'}", sure)
 
 
 def with_collision(cell: Cell, measured: Measurement, bodies: Bodies) -> Measurement:

@@ -91,9 +91,11 @@ def kept_apart(setting: Setting, postures: Sequence[Array]) -> Callable[[Indices
     return allowed
 
 
-def in_each_others_way(setting: Setting, postures: Sequence[Array], seed: int) -> Blocked:
+def in_each_others_way(
+    setting: Setting, postures: Sequence[Array], seed: int
+) -> tuple[Blocked, ...]:
     """Which arms are in each other's way in all combinations, as far as some of them tell; in every
-    one where they are few.
+    one where they are few. None where some are clear, and torque limits decide.
     """
     bodies, cell = setting.bodies, setting.cell
     assert bodies is not None
@@ -106,8 +108,8 @@ def in_each_others_way(setting: Setting, postures: Sequence[Array], seed: int) -
         chosen = [rng.integers(0, count, _COMBINED) for count in counts]
     x = setting.configurations([mine[k] for mine, k in zip(postures, chosen, strict=True)])
     if bodies.clear(x, bodies.shared).any():
-        return Blocked("none of the combinations that torque limits allow does", sure=False)
-    return in_the_way(bodies, x, bodies.shared, every=every)
+        return ()
+    return (in_the_way(bodies, x, bodies.shared, every=every),)
 
 
 def _alone(setting: Setting, i: int, q: Array) -> list[Array | None]:

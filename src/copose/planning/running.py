@@ -317,8 +317,10 @@ class Run:
         angle = 2 * np.arctan2(np.linalg.norm(gap[4:]), abs(gap[3]))
         distance = float(np.linalg.norm(gap[:3]))
         rigid = cell.system.space.rigid
-        missed = f"{round(distance, 9):.3g} m" + (f" and {np.degrees(angle):.3g}°" if rigid else "")
-        missed = f"the start of arm {arm.name!r} misses its grasp by {missed}"
+        turned = f" and {round(np.degrees(angle), 6):.3g}°" if rigid else ""
+        missed = (
+            f"the start of arm {arm.name!r} misses its grasp by {round(distance, 9):.3g} m{turned}"
+        )
         q = self.closed(i, arm.start, as_given=True)
         if q is None:
             return None, (

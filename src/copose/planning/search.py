@@ -204,7 +204,7 @@ def search(machinery: Machinery, setting: Setting, seed: int, effort: Effort) ->
     found = compared(polished, samples, cleared.postures, cleared.neighbours, seed, effort)
     if found.optima or found.failures or over():
         return found
-    return replace(found, blocked=(in_each_others_way(setting, cleared.postures, seed),))
+    return replace(found, blocked=in_each_others_way(setting, cleared.postures, seed))
 
 
 def _drawn(

@@ -160,7 +160,7 @@ class WithinReach:
             return Found(samples, blocked=cleared.blocked)
         found = compared(climbs, samples, cleared.postures, cleared.neighbours, seed, effort)
         if not (found.optima or found.failures):
-            return Found(samples, blocked=(in_each_others_way(setting, cleared.postures, seed),))
+            return Found(samples, blocked=in_each_others_way(setting, cleared.postures, seed))
         return self.confirmed(found)
 
     def confirmed(self, found: Found) -> Found:

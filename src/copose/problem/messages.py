@@ -98,12 +98,12 @@ def _text(fault: ErrorDetails, owner: type[BaseModel] | None, faults: list[Error
             return fault["msg"] if _is_long(value) else f"{shown(value)}: {fault['msg']}"
         case "too_short":
             return (
-                f"has {context['actual_length']} entries; at least {context['min_length']} needed"
+                f"has {_entries(context['actual_length'])}; at least {context['min_length']} needed"
             )
         case "too_long":
             actual = context["actual_length"]
-            counted = f"has {actual} entries; " if actual is not None else "has too many entries; "
-            return counted + f"at most {context['max_length']} allowed"
+            counted = "too many entries" if actual is None else _entries(actual)
+            return f"has {counted}; at most {context['max_length']} allowed"
         case "greater_than_equal" if 0 < context["ge"] < 1e-6:
             return f"{shown(value)} must be above zero (at least {context['ge']:g})"
         case "greater_than_equal":
@@ -194,3 +194,7 @@ def _tagged(annotation: Any, part: int | str) -> type[BaseModel] | None:
         if kind is not None and part in getattr(kind.annotation, "__args__", ()):
             return table
     return None
+
+
+def _entries(count: int) -> str:
+    return f"{count} {'entry' if count == 1 else 'entries'}"

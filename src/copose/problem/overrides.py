@@ -50,12 +50,17 @@ def read_override(text: str) -> tuple[str, Any]:
 def aimed(
     data: Mapping[str, Any], kind: str | None = None, direction: Sequence[float] | None = None
 ) -> dict[str, Any]:
-    """A problem's tables with another objective; a direction alone is of task compatibility.
+    """A problem's tables with another objective, of the file's only ``axes`` are kept; a direction
+    alone is of task compatibility.
 
     In the space ``spatial`` three numbers are linear, unless ``axes`` are three.
     """
     kind = "task-compatibility" if kind is None and direction is not None else kind
-    changed = overridden(data, {} if kind is None else {"objective.kind": kind})
+    changed, old = dict(data), data.get("objective")
+    if kind is not None:
+        if isinstance(old, Mapping):
+            changed["objective"] = {key: old[key] for key in ("kind", "axes") if key in old}
+        changed = overridden(changed, {"objective.kind": kind})
     if direction is None:
         return changed
     along, task = [float(x) for x in direction], changed.get("task")

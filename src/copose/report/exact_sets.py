@@ -30,7 +30,7 @@ _LABELS = {
     "ellipsoid": "ellipsoid within it",
     "ball": "largest ball around rest",
     "rest": "rest",
-    "center": "its centre: least torque",
+    "center": "centre: zero torque",
 }
 
 

@@ -25,4 +25,4 @@ def moved_words(solution: Solution) -> str:
     ]
     most = sorted(moves, key=lambda move: -abs(move[0]))[:_NAMED]
     named = [f"{name} {move:+.2f}" for move, name in most if abs(move) >= _LEAST]
-    return f"moved most: {', '.join(named)}" if named else ""
+    return f"moved most, rad or m: {', '.join(named)}" if named else ""

@@ -92,12 +92,14 @@ def start_figure(problem: Problem, starts: Sequence[ArmStart], *, bodies: bool =
             away = float(right @ (pose.position - problem.object.pose.position))
             side: Literal["left", "right"] = "left" if away < 0 else "right"
             named.append(_Named(f"{name} {what}", pose, color, dashed, side))
+    given = all(start.given for start in starts)
+    where = "at the start" if given else "without a start, at a random posture"
     figure = Figure(figsize=(9.0, 8.0))
     if planar:
         _draw_planar(figure, scene, named)
     else:
         _draw_spatial(figure, scene, named, links, view)
-    figure.suptitle(f"{style.short(problem.name, 60)}: at the start", fontweight="bold", x=0.02,
+    figure.suptitle(f"{style.short(problem.name, 60)}: {where}", fontweight="bold", x=0.02,
                     y=0.985, ha="left")  # fmt: skip
     words = "\n".join(start_words(start) for start in starts)
     figure.text(0.02, 0.945, words, fontsize=9.5, va="top")

@@ -74,5 +74,5 @@ class ArmStart:
     @property
     def miss(self) -> str:
         """Gap and turn in words."""
-        turned = f" and {math.degrees(self.turn):.3g}°" if self.rigid else ""
-        return f"{self.gap:.3g} m{turned}"
+        turned = f" and {round(math.degrees(self.turn), 6):.3g}°" if self.rigid else ""
+        return f"{round(self.gap, 9):.3g} m{turned}"
