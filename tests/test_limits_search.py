@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import copose
-from cells import closed_postures, tables, toml
+from cells import closed_postures, planar, tables, toml
 from copose.cli import main
 from copose.planning import search
 from copose.planning.cell import Cell
@@ -120,6 +120,18 @@ def test_a_box_too_heavy_to_hold(tmp_path, monkeypatch, capsys) -> None:
     for mass, status in ((possible - 0.05, "solved"), (possible + 0.05, "infeasible")):
         cell["object"]["mass"] = mass
         assert copose.solve(parse(cell)).status == status
+
+
+def test_what_is_too_heavy_is_said_to_be_so_among_bodies_that_keep_clear() -> None:
+    cell = planar() | {"world": {"gravity": [0, -9.81]}}
+    for arm in cell["arms"]:
+        arm["torque_limits"] = [20.0] * len(arm["links"])
+    cell["object"]["mass"] = 300.0
+    cell["constraints"] = {"static_torque": True, "collision": True}
+    solution = copose.solve(parse(cell))
+    assert solution.status == "infeasible" and "gives way" in solution.reason
+    cell["object"]["mass"] = 0.99 * float(solution.reason.split("a mass of ")[1].split(" kg")[0])
+    assert copose.solve(parse(cell)).status == "solved"
 
 
 def test_a_hold_that_no_sample_has_is_found(monkeypatch) -> None:
