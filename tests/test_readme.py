@@ -103,7 +103,7 @@ def test_links_lead_somewhere(name: str) -> None:
 
 
 def test_the_readme_lists_the_manual_and_is_short() -> None:
-    listed = "\n".join(re.findall(r"^- .*", README, re.M))
+    listed = "\n".join(re.findall(r"^(?:-| ) .*", README, re.M))
     assert re.findall(r"\[([\w-]+)\]\(src/copose/manual/\1\.md\)", listed) == list(topics())
     assert len(README.splitlines()) <= 200 and len(README.split()) <= 1500
 
