@@ -333,9 +333,13 @@ def test_the_command_writes_beside_the_result(tmp_path: Path, capsys) -> None:
     for to, name in (("moveit", "robot_state.yaml"), ("srdf", "group_state.srdf"),
                      ("ros", "joint_state.yaml"), ("csv", "posture.csv")):  # fmt: skip
         assert main(["export", str(file), "--to", to]) == 0
-        printed = capsys.readouterr().out.replace("\n", "")
-        assert printed == f"written to {file.parent / name}"
+        assert capsys.readouterr().out == f"written to {file.parent / name}\n"
         assert (file.parent / name).read_text() == exported_text(held(), to)
+    alike = read_result(Path(__file__).parent / "snapshots/spatial.json")
+    file.write_text(to_json(alike))
+    assert main(["export", str(file), "--to", "ros"]) == 0
+    told = "arms share joint names: theirs are ARM_JOINT here, such as left_panda_joint1\n"
+    assert capsys.readouterr().out.startswith(told)
     file.write_text(to_json(made()))
     assert main(["export", str(file), "--to", "ros", "-o", str(tmp_path / "t.yaml")]) == 0
     assert (tmp_path / "t.yaml").read_text() == exported_text(made(), "ros")

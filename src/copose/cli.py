@@ -19,7 +19,7 @@ from copose import interrupt
 from copose.errors import InputError, one_line, shown
 from copose.export_command import add_arguments, export_result
 from copose.progress import sheltered, stage
-from copose.terminal import print_place, print_rich, printing, tell, watching
+from copose.terminal import print_line, print_place, print_rich, printing, tell, watching
 from copose.version import __version__
 
 if TYPE_CHECKING:
@@ -454,8 +454,10 @@ def _compare(arguments: argparse.Namespace) -> int:
 
 def _export(arguments: argparse.Namespace) -> int:
     with watching(arguments):
-        file = export_result(arguments)
+        file, names = export_result(arguments)
     if not arguments.quiet:
+        if names:
+            print_line(names)
         print_place(file)
     return SOLVED
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from copose.errors import InputError
@@ -27,8 +28,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     )
 
 
-def export_result(arguments: argparse.Namespace) -> Path:
-    """Write a result in another format, and return the file.
+def export_result(arguments: argparse.Namespace) -> tuple[Path, str]:
+    """Write a result in another format.
+
+    Returns:
+        The file, and what is to be said of its names, if anything.
 
     Raises:
         InputError: it cannot be.
@@ -52,4 +56,17 @@ def export_result(arguments: argparse.Namespace) -> Path:
     if any(file.resolve() == one.resolve() for one in (source, arguments.problem) if one):
         raise InputError("is read; the export needs a file of its own", file=file)
     write_file(file, text.encode())
-    return file
+    return file, "" if arguments.to in ("csv", "mujoco") else _shared_names(result.joint_names)
+
+
+def _shared_names(names: Mapping[str, Sequence[str]]) -> str:
+    """That joints are called otherwise than in their robot's file, if they are."""
+    from copose.formats.names import unique_names
+
+    new = [
+        name
+        for arm, found in unique_names(names).items()
+        for name, old in zip(found, names[arm], strict=True)
+        if name != old
+    ]
+    return f"arms share joint names: theirs are ARM_JOINT here, such as {new[0]}" if new else ""

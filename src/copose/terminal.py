@@ -35,11 +35,15 @@ def print_rich(content: RenderableType) -> None:
         sys.stdout.writelines(f"{line.rstrip()}\n" for line in printed.get().splitlines())
 
 
+def print_line(words: str) -> None:
+    """Print a line that is not broken: a path in it can be copied."""
+    with printing():
+        sys.stdout.write(f"{one_line(words)}\n")
+
+
 def print_place(place: Path) -> None:
     """Print where something was written."""
-    from rich.text import Text
-
-    print_rich(Text(f"written to {place}"))
+    print_line(f"written to {place}")
 
 
 @contextlib.contextmanager

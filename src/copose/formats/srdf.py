@@ -29,7 +29,7 @@ def group_state_srdf(exported: ExportedPosture) -> str:
         for joint, _ in mine:
             ET.SubElement(group, "joint", name=joint)
     if len(joints) > 1:
-        together = " and ".join(joints)
+        together = "_and_".join(joints)
         group = ET.SubElement(robot, "group", name=together)
         for arm in joints:
             ET.SubElement(group, "group", name=arm)

@@ -178,7 +178,9 @@ def with_collision(cell: Cell, measured: Measurement, bodies: Bodies) -> Measure
     if nearest.distance < bodies.clearance:
         both = " and ".join(nearest.pair)
         notes += (
-            f"{both} are nearer than the clearance, {bodies.clearance:g} m: "
+            f"{both} overlap"
+            if nearest.distance <= 0
+            else f"{both} are nearer than the clearance, {bodies.clearance:g} m: "
             "[constraints] clearance sets it",
         )
     posture = measured.posture.model_copy(update={"collision": record})

@@ -47,6 +47,8 @@ CLOSURE_TOLERANCE = 1e-8
 # What a start may miss its grasp by without a note, m or rad: as `evaluate` takes it for closed.
 _START_CLOSED = 1e-6
 _STANDS = 1e-6
+# By what the start may be worse than the best and be the answer, relative.
+_TIE = 1e-9
 _NUDGES = 8
 # Of what is known when a search has to end, so many are measured.
 _ASKED = 4
@@ -374,7 +376,10 @@ class Run:
                 break
         if best is not None and best.value is not None and before is not None:
             start = before.value if self.allowed(before) else None
-            if start is not None and start > best.value:
+            # A tie moves no robot that is told where it stands.
+            given = all(arm.start is not None for arm in cell.arms)
+            tie = _TIE * max(1.0, abs(best.value)) if given else 0.0
+            if start is not None and start > best.value - tie:
                 best = before
         if best is None and within is not None and before is not None and self.allowed(before):
             best = before

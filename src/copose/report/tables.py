@@ -125,8 +125,12 @@ def _evidence(solution: Solution, verbose: bool) -> Iterator[str]:
         best = "the best met" if len(optima) > 1 else "met"
         where = "" if placements is None else f", {counted(placements.tried, 'placement')} tried"
         starts = counted(search.starts, "start")
-        lost = sum(failure.count for failure in search.failures)
-        none = f" ({lost:,} ended in none)" if lost else ""
+        # Climbs are given up where a bound says that they cannot come up to the best.
+        counts = [failure.count for failure in search.failures if "Best" in failure.status]
+        behind, lost = sum(counts), sum(f.count for f in search.failures) - sum(counts)
+        ends = [f"{behind:,} given up as they could not beat it"] if behind else []
+        ends += [f"{lost:,} ended in none"] if lost else []
+        none = f" ({', '.join(ends)})" if ends else ""
         yield f"{found}; {best} {times(optima[0].count)} from {starts}{none}{where}"
 
 
