@@ -53,7 +53,8 @@ def start_words(start: ArmStart) -> str:
     if start.given:
         if start.closed:
             return f"{name} holds the object at its start"
-        return f"{name} misses its grasp by {start.miss} at its start"
+        moved = "" if start.arm.fixed else "; solve projects it onto the grasp where it can"
+        return f"{name} misses its grasp by {start.miss} at its start{moved}"
     if start.closed:
         return f"{name} has no start; a random posture holds the object"
     return f"{name} has no start; of many random postures the nearest misses by {start.miss}"
