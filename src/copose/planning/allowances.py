@@ -192,6 +192,8 @@ class Allowance:
         found.keys["exact_sets"] = records
         one = len(records) == 1
         radius = next(iter(records.values())).residual_radius if one else None
+        if len(records) > 1:
+            found.notes.append("residual radii are linear and angular apart: see exact_sets")
         found.keys["residual_radius"] = radius
 
     def _touching(
