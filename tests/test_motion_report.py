@@ -220,6 +220,12 @@ def test_the_table_of_tracking_that_fails_and_of_no_limits() -> None:
     assert "fails at once" in printed(made(**failing(known=0)))
 
 
+def test_the_table_says_why_planning_gains_nothing() -> None:
+    same = {"kind": "volume", "unit": "log", "before": 1.5, "after": 1.5}
+    why = "no arm has a joint to spare"
+    assert why in printed(made(objective=same)) and why not in printed(made())
+
+
 def test_the_table_of_no_motion_is_its_reason() -> None:
     text = printed(nowhere())
     assert "made: infeasible: arm 'arm 0' cannot reach its grasp at 0.5 s" in text

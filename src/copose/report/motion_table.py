@@ -37,7 +37,10 @@ def motion_table(motion: Motion, *, verbose: bool = False) -> RenderableType:
     parts: list[RenderableType] = [status_line(motion)]
     if motion.knots is not None:
         parts.append(table(("", "least-norm", "planned", ""), _objective(motion)))
-        parts += [*lines(_limits(motion)), table(("motion", "planned", ""), _course(motion))]
+        parts += [
+            *lines([*_unmoved(motion), *_limits(motion)]),
+            table(("motion", "planned", ""), _course(motion)),
+        ]
     parts += [*note_lines(motion.notes), *map(Text, _evidence(motion, verbose))]
     return sections(parts)
 
@@ -55,6 +58,18 @@ def _objective(motion: Motion) -> Iterator[tuple[str, str, str, str]]:
     tracked = () if tracking is None else tracking.objective
     before, now = _aggregate(kind, tracked), _aggregate(kind, [knot.objective for knot in knots])
     yield f"{kind} {name}", before, now, unit
+
+
+def _unmoved(motion: Motion) -> Iterator[tuple[str, str]]:
+    """Why planning gains nothing, where no arm has a joint to spare."""
+    gained = style.gain_between(motion, motion.objective.before, motion.objective.after)
+    m = SPACES[motion.problem.space].m
+    if gained == "×1" and all(len(names) <= m for names in motion.joint_names.values()):
+        yield (
+            "×1:",
+            "no arm has a joint to spare: on a branch there is one motion; without a start copose "
+            "chooses the branch",
+        )
 
 
 def _aggregate(kind: str, values: Sequence[float | None]) -> str:
