@@ -14,6 +14,7 @@ from functools import cached_property
 from pathlib import Path
 
 import casadi as ca
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -35,6 +36,7 @@ from copose.collision import (
     configurations,
 )
 from copose.collision.pairs import possible_pairs
+from copose.collision.segments import Segments, segment_distances
 from copose.errors import InputError
 from copose.mechanics.chain import Chain
 from copose.poses import Pose
@@ -274,19 +276,33 @@ def test_what_keeps_clear_is_what_distances_say(setting: Setting) -> None:
 
 def test_arms_that_are_far_apart_keep_clear(setting: Setting) -> None:
     drawn = [setting.drawn(600 + k) for k in range(12)]
-    x = np.array([setting.x(q) for q in drawn])
-    chosen = np.array(list(itertools.product(range(12), repeat=2)))
-    far = setting.bodies.far_apart([x, x])(chosen)
-    q = [[drawn[i][0], drawn[j][1]] for i, j in chosen]
-    shared = setting.bodies.shared
-    least = np.array([setting.bodies.distances(setting.at(each), shared).min() for each in q])
+    chosen, far, hit, least = combined(setting, drawn)
     assert 0 < far.sum() < len(far)
     assert np.all(least[far] >= setting.bodies.clearance)
     # Nothing is called near for the sake of balls that lie apart.
-    rough = setting.bodies.bounds(
-        setting.bodies.placed(np.array([setting.x(p) for p in q])), shared
-    )
+    q = [setting.x([drawn[i][0], drawn[j][1]]) for i, j in chosen]
+    rough = setting.bodies.bounds(setting.bodies.placed(np.array(q)), setting.bodies.shared)
     np.testing.assert_array_equal(far, (rough >= setting.bodies.clearance).all(axis=1))
+    assert not hit.any()
+
+
+def combined(
+    setting: Setting, drawn: list[list[np.ndarray]]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """All combinations of two arms' postures; which are told to be clear, and which not, also where
+    few are asked for; and the arms' least distances.
+    """
+    x = np.array([setting.x(q) for q in drawn])
+    chosen = np.array(list(itertools.product(range(len(x)), repeat=2)))
+    judge = setting.bodies.judge([x, x])
+    clear, hit = judge(chosen)
+    few = np.random.default_rng(0).permutation(len(chosen))[: len(chosen) // 10]
+    for mine, every in zip(judge(chosen[few]), (clear, hit), strict=True):
+        np.testing.assert_array_equal(mine, every[few])
+    shared = setting.bodies.shared
+    q = [[drawn[i][0], drawn[j][1]] for i, j in chosen]
+    least = [setting.bodies.distances(setting.at(each), shared).min() for each in q]
+    return chosen, clear, hit, np.array(least)
 
 
 def test_normals_at_witnesses_are_slopes_of_distances(pandas: Setting) -> None:
@@ -1058,3 +1074,47 @@ def test_planar_pairs() -> None:
     every = {frozenset(pair) for pair in itertools.combinations(cell.names, 2)}
     assert cell.tested == every - {frozenset(pair) for pair in free}
     assert cell.scene.notes == ()
+
+
+def test_round_bodies_of_the_plane_are_judged_by_their_distances() -> None:
+    cell = planar_cell()
+    drawn = [cell.drawn(40 + k) for k in range(30)]
+    _, clear, hit, least = combined(cell, drawn)
+    np.testing.assert_array_equal(clear, least >= cell.bodies.clearance)
+    np.testing.assert_array_equal(hit, ~clear)
+    assert 0 < hit.sum() < len(hit)
+    x, exact = np.array([cell.x(q) for q in drawn]), np.array([cell.exact(q) for q in drawn])
+    for pairs in (cell.bodies.every, cell.bodies.own(0), cell.bodies.own(1), cell.bodies.shared):
+        expected = (exact[:, pairs] >= cell.bodies.clearance).all(axis=1)
+        np.testing.assert_array_equal(cell.bodies.clear(x, pairs), expected)
+    # What nearly is the clearance, too.
+    shared = cell.bodies.shared
+    k, pair = np.argwhere((exact[:, shared] > 0.01) & (exact[:, shared] < 0.1))[0]
+    pair = shared[pair]
+    for more, kept in ((-1e-8, True), (-1e-7, True), (1e-7, False), (1e-8, False)):
+        bodies = cell.scene.bodies(cell.arms, float(exact[k, pair]) + more)
+        assert bodies.clear(x[[k]], np.array([pair]))[0] == kept
+
+
+def test_distances_of_segments_are_those_of_thin_capsules() -> None:
+    rng = np.random.default_rng(5)
+    ends = rng.uniform(-1, 1, (60, 4, 3))
+    # Some are parallel, one behind the other or side by side, and some are points.
+    along = ends[20:40, 1] - ends[20:40, 0]
+    ends[20:40, 3] = ends[20:40, 2] + along * rng.uniform(-2, 2, (20, 1))
+    ends[40:50, 1] = ends[40:50, 0]
+    ends[45:55, 3] = ends[45:55, 2]
+    a0, a1, b0, b1 = ends.swapaxes(0, 1)
+    found = segment_distances(Segments(a0, a1 - a0), Segments(b0, b1 - b0))
+    for gap, *four in zip(found, a0, a1, b0, b1, strict=True):
+        shapes = [capsule_between(*four[:2]), capsule_between(*four[2:])]
+        thin = coal.distance(*shapes[0], *shapes[1], coal.DistanceRequest(), coal.DistanceResult())
+        assert thin == pytest.approx(gap - 2e-3, abs=1e-5)
+
+
+def capsule_between(a: np.ndarray, b: np.ndarray) -> tuple[coal.Capsule, coal.Transform3s]:
+    """All within 1 mm of a segment, and where that is."""
+    length = float(np.linalg.norm(b - a))
+    along = (b - a) / length if length else np.array([0.0, 0.0, 1.0])
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along).matrix()
+    return coal.Capsule(1e-3, length), coal.Transform3s(turn, (a + b) / 2)

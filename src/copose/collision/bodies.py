@@ -17,7 +17,9 @@ from copose.collision.carriers import (
     carrier_poses,
     carriers_of,
 )
+from copose.collision.segments import UNSURE, Segments, segment_distances
 from copose.collision.solids import Mesh, Part, Solid
+from copose.collision.two_arms import TwoArms
 from copose.poses import Array, Indices, Mask, Pose
 from copose.progress import heed
 from copose.robots import Arm
@@ -32,6 +34,8 @@ TOLERANCES, _ABSURD, _TOUCHING = (1e-10, 1e-6, 1e-4), 1e6, 1e-9
 _FEW = 500
 # By what share squares of distances of balls may be rounded.
 _CAUTION = 1e-9
+# After how many configurations a call may have to end.
+_HEEDED = 16
 
 
 @dataclass(frozen=True)
@@ -128,7 +132,13 @@ class Bodies:
         moved = np.array([s.carrier.arm if s.carrier.kind == "joint" else -1 for s in solids], int)
         self._pair_arms = moved[pairs]
         self._planar = planar
+        alone = [parts[0] if len(parts) == 1 and parts[0].part.shape.round else None
+                 for parts in self._parts]  # fmt: skip
+        known = np.array([part is not None for part in alone], dtype=bool)
+        self._round = np.asarray(known[pairs].all(axis=1))
+        self._segments = _segments(alone)
         self._queries: dict[bytes, HullQueries] = {}
+        self._tests: dict[tuple[int, int], tuple[Any, Any]] = {}
         # The same configuration is often asked for several times on end.
         self._latest: tuple[bytes, Placements] | None = None
 
@@ -178,23 +188,56 @@ class Bodies:
         clear = np.ones(len(x), dtype=np.bool_)
         if not len(some) or not len(x):
             return clear
+        others, unsure = some, np.zeros(len(x), dtype=np.bool_)
+        if self._round[some].any():
+            mine, others = some[self._round[some]], some[~self._round[some]]
+            where, (a, b) = self.placed(x), self.pairs[mine].T
+            rows, columns = np.nonzero(self.bounds(where, mine) < self.clearance)
+            segments = self._segments.moved(where, self.carrier)
+            gaps = segment_distances(segments.at(rows, a[columns]), segments.at(rows, b[columns]))
+            hit, unsure = self._judged(len(x), rows, gaps - self._thick[mine[columns]])
+            clear[hit] = False
+        for left, asked in ((clear & unsure, some), (clear & ~unsure, others)):
+            if len(asked) and left.any():
+                clear[left] = self._asked(x[left], asked)
+        return clear
+
+    def _asked(self, x: Array, pairs: Indices) -> Mask:
+        """The same, by coal."""
+        clear = np.ones(len(x), dtype=np.bool_)
         if self._planar and len(x) <= _FEW:
             where = self.placed(x)
             for k in range(len(x)):
                 heed()
-                clear[k] = self._keeps_clear(where[k], some)
+                clear[k] = self._keeps_clear(where[k], pairs)
             return clear
-        queries, unsure = self._hulls(some), []
+        queries, unsure = self._hulls(pairs), []
         for k, row in enumerate(x):
-            heed()
+            if k % _HEEDED == 0:
+                heed()
             verdict = queries.verdict(row)
             clear[k] = verdict is not False
             if verdict is None:
                 unsure.append(k)
         where = self.placed(x[unsure])
         for j, k in enumerate(unsure):
-            clear[k] = not self._enclosing(where[j], some)
+            clear[k] = not self._enclosing(where[j], pairs)
         return clear
+
+    @cached_property
+    def _thick(self) -> Array:
+        """Radii of two round bodies together, of every pair, m, (p,)."""
+        radii = np.array([parts[0].part.shape.hull[1] for parts in self._parts])
+        return np.asarray(radii[self.pairs].sum(axis=1))
+
+    def _judged(self, count: int, rows: Indices, gaps: Array) -> tuple[Mask, Mask]:
+        """Which of so many configurations have round bodies that are too near, and which of the
+        others it cannot be told of, by distances of some and the rows that they belong to.
+        """
+        hit, unsure = (np.zeros(count, dtype=np.bool_) for _ in range(2))
+        hit[rows[gaps < self.clearance - UNSURE]] = True
+        unsure[rows[gaps < self.clearance + UNSURE]] = True
+        return hit, unsure & ~hit
 
     def too_near(self, x: Array, pairs: Indices) -> Mask:
         """Which of some tested pairs are too near in a configuration, (size,); (k,)."""
@@ -212,22 +255,25 @@ class Bodies:
         bounds: Array = gaps - self.radii[a] - self.radii[b]
         return bounds
 
-    def far_apart(self, alone: Sequence[Array]) -> Callable[[Indices], Mask]:
-        """A test of combinations of the arms: whether balls round their solids lie apart.
+    def judge(self, alone: Sequence[Array]) -> Callable[[Indices], tuple[Mask, Mask]]:
+        """A test of combinations of the arms: whether balls round their solids, or they themselves
+        where they are round, lie apart.
 
         Args:
             alone: by arm, configurations, (count_i, size), of which only its own joints count.
 
         Returns:
-            A function of numbers of these, (count, K); (count,).
+            A function of numbers of these, (count, K): which are clear, and which are not, (count,)
+            each; what neither holds of is undecided.
         """
-        arms, tables = self._pair_arms[self.shared], []
-        centres = [self._centred(self.placed(x)) for x in alone]
+        arms, tables = self._pair_arms[self.shared], list[TwoArms]()
+        where = [self.placed(x) for x in alone]
+        centres = [self._centred(each) for each in where]
+        segments = [self._segments.moved(each, self.carrier) for each in where]
         for i, j in combinations(range(len(alone)), 2):
-            a, b = np.vstack([
-                self.pairs[self.shared[(arms == [i, j]).all(axis=1)]],
-                self.pairs[self.shared[(arms == [j, i]).all(axis=1)]][:, ::-1],
-            ]).T  # fmt: skip
+            forth, back = (self.shared[(arms == both).all(axis=1)] for both in ([i, j], [j, i]))
+            pairs = np.concatenate([forth, back])
+            a, b = np.vstack([self.pairs[forth], self.pairs[back][:, ::-1]]).T
             least = self.radii[a] + self.radii[b] + self.clearance
             # Most never come near: the boxes round all places of their balls are apart.
             low, high = (
@@ -235,20 +281,22 @@ class Bodies:
             )
             between = np.maximum(low[0, a] - high[1, b], low[1, b] - high[0, a])
             some = np.linalg.norm(np.maximum(between, 0.0), axis=1) < least * (1 + _CAUTION)
+            a, b, pairs = a[some], b[some], pairs[some]
             squares = least[some] ** 2 * (1 + _CAUTION)
-            tables.append((i, j, centres[i][:, a[some]], centres[j][:, b[some]], squares))
+            tables.append(TwoArms(
+                i, j, centres[i][:, a], centres[j][:, b], squares, segments[i].of(a),
+                segments[j].of(b), self._round[pairs], self._thick[pairs] + self.clearance,
+            ))  # fmt: skip
 
-        def far(chosen: Indices) -> Mask:
-            apart = np.ones(len(chosen), dtype=np.bool_)
-            for first in range(0, len(chosen), _FEW):
-                rows = chosen[first : first + _FEW]
-                for i, j, one, other, squares in tables:
-                    gaps = one[rows[:, i]] - other[rows[:, j]]
-                    fine = np.einsum("kpx,kpx->kp", gaps, gaps) >= squares
-                    apart[first : first + _FEW] &= fine.all(axis=1)
-            return apart
+        def judged(chosen: Indices) -> tuple[Mask, Mask]:
+            unsure, hit = (np.zeros(len(chosen), dtype=np.bool_) for _ in range(2))
+            for table in tables:
+                both = table.judged(chosen)
+                unsure |= both[0]
+                hit |= both[1]
+            return ~(unsure | hit), hit
 
-        return far
+        return judged
 
     def _centred(self, where: Placements) -> Array:
         """Centres of the balls round all solids, (..., s, 3)."""
@@ -314,6 +362,8 @@ class Bodies:
         """The same in each of some configurations, (count, size)."""
         some, where = self.every if pairs is None else pairs, self.placed(x)
         near = self.bounds(where, some) < within
+        if within <= self.clearance:
+            near &= ~self.clear(x, some)[:, None]
         return [self._near(where[k], within, some[mine], roughly) for k, mine in enumerate(near)]
 
     def _near(
@@ -462,10 +512,16 @@ class Bodies:
         """Whether the hulls of two parts are nearer to each other than so much, m, or about."""
         import coal
 
-        request, result = coal.CollisionRequest(), coal.CollisionResult()
-        request.security_margin, request.enable_contact = most + TOLERANCES[1], False
-        functor = self._functor(one, other, "hulls collide")
-        return bool(functor(places(one), places(other), request, result) > 0)
+        # The last digits of the answer do not matter: functors may be asked again.
+        key = id(one), id(other)
+        if key not in self._tests:
+            request = coal.CollisionRequest()
+            request.enable_contact = False
+            request.gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
+            self._tests[key] = self._functor(one, other, "hulls collide"), request
+        functor, request = self._tests[key]
+        request.security_margin = most + TOLERANCES[1]
+        return bool(functor(places(one), places(other), request, coal.CollisionResult()) > 0)
 
     def _measured(
         self, one: _Placed, other: _Placed, what: str, places: Places
@@ -548,6 +604,17 @@ class Places:
         if id(part) not in self._known:
             self._known[id(part)] = coal.Transform3s(*part.at(self.where))
         return self._known[id(part)]
+
+
+def _segments(parts: Sequence[_Placed | None]) -> Segments:
+    """Those within a radius of which round parts are, in the frames of their carriers; points for
+    what is none.
+    """
+    ends = np.zeros((len(parts), 2, 3))
+    for k, part in enumerate(parts):
+        if part is not None:
+            ends[k] = part.part.shape.hull[0] @ part.pose.rotation.T + part.pose.position
+    return Segments(ends[:, 0], ends[:, 1] - ends[:, 0])
 
 
 def _ball(parts: Sequence[_Placed]) -> tuple[Array, float]:

@@ -126,6 +126,8 @@ def _numbers(pose: Pose) -> Array:
 
 
 def _rotations(quaternions: Array) -> Array:
+    if len(quaternions) > 1 and (quaternions == quaternions[0]).all():
+        return np.broadcast_to(_rotations(quaternions[:1]), (len(quaternions), 3, 3))
     x, y, z, w = quaternions.T
     return np.moveaxis(np.array(rotation_rows([w, x, y, z])), 2, 0)
 

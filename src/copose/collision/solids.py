@@ -60,6 +60,11 @@ class Primitive:
         """How far points of the bound are from it at most, m."""
         return 0.0
 
+    @property
+    def round(self) -> bool:
+        """Whether it is all that lies within a distance of a segment, as `hull` has them."""
+        return self.kind in ("sphere", "capsule")
+
     @cached_property
     def hull(self) -> tuple[Array, float]:
         """Points (n, 3) and a distance: all within it of their convex hull holds the shape."""
@@ -131,6 +136,11 @@ class Mesh:
         points.extend(list(corners))
         triangles.extend([coal.Triangle(*face) for face in faces.tolist()])
         return coal.Convex(points, triangles)
+
+    @property
+    def round(self) -> bool:
+        """A surface is not."""
+        return False
 
     @cached_property
     def below(self) -> float:

@@ -78,14 +78,14 @@ def kept_apart(setting: Setting, postures: Sequence[Array]) -> Callable[[Indices
     bodies = setting.bodies
     assert bodies is not None
     alone = [setting.configurations(_alone(setting, i, q)) for i, q in enumerate(postures)]
-    far_apart = bodies.far_apart(alone)
+    judge = bodies.judge(alone)
 
     def allowed(chosen: Indices) -> Mask:
-        clear = far_apart(chosen)
-        near = np.flatnonzero(~clear)
-        if len(near):
-            q = [mine[rows] for mine, rows in zip(postures, chosen[near].T, strict=True)]
-            clear[near] = bodies.clear(setting.configurations(q), bodies.shared)
+        clear, hit = judge(chosen)
+        left = np.flatnonzero(~(clear | hit))
+        if len(left):
+            q = [mine[rows] for mine, rows in zip(postures, chosen[left].T, strict=True)]
+            clear[left] = bodies.clear(setting.configurations(q), bodies.shared)
         return clear
 
     return allowed
