@@ -50,12 +50,23 @@ class Evaluated(ca.Callback):
         """Asked by CasADi."""
         return self._outputs[i][1]
 
-    def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
-        """Asked by CasADi; zeros where the call has to end, for the solver to come to that soon."""
-        if over():
-            return [ca.DM(sparsity, np.zeros(sparsity.nnz())) for _, sparsity in self._outputs]
-        values = self._evaluate(*(np.array(given.nonzeros()) for given in arguments))
-        return [
-            ca.DM(sparsity, np.asarray(value, dtype=float).ravel())
-            for (_, sparsity), value in zip(self._outputs, values, strict=True)
-        ]
+    def has_eval_buffer(self) -> bool:
+        """Asked by CasADi: whether numbers are passed where they are."""
+        return True
+
+    def eval_buffer(
+        self, given: Sequence[memoryview | None], wanted: Sequence[memoryview | None]
+    ) -> int:
+        """Asked by CasADi, None for what is zero or not wanted; zeros where the call has to end,
+        for the solver to come to that soon.
+        """
+        values: Sequence[Array | float] = [0.0] * len(wanted)
+        if not over():
+            values = self._evaluate(*(
+                np.zeros(size) if each is None else np.frombuffer(each).copy()
+                for each, (_, size) in zip(given, self._inputs, strict=True)
+            ))  # fmt: skip
+        for each, value in zip(wanted, values, strict=True):
+            if each is not None:
+                np.frombuffer(each)[:] = np.ravel(value)
+        return 0

@@ -151,6 +151,8 @@ class _Run:
         self._sign = -1.0 if form.common == "level" else 1.0
         self._links, self._clearance = self._linked(), given.clearance
         self._spaced = 0 if given.clearance is None else len(given.clearance)
+        # The solver asks for cost and rows one by one.
+        self._known: tuple[Array, list[Array | float]] | None = None
         self._lay_out()
 
     def solve(self, start: Array) -> Solved:
@@ -324,6 +326,11 @@ class _Run:
         return self._nlp
 
     def _values(self, x: Array, p: Array) -> list[Array | float]:
+        if self._known is None or not np.array_equal(self._known[0], x):
+            self._known = x, self._computed(x)
+        return self._known[1]
+
+    def _computed(self, x: Array) -> list[Array | float]:
         y = x.reshape(self._count, self._size)
         values = self._task.value(y, self._given.parameters)
         q = y[:, : self._joints]
