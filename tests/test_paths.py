@@ -360,6 +360,21 @@ def test_bodies_keep_their_clearance_along_the_way() -> None:
     assert motion.objective.after < free.objective.after
 
 
+def test_where_bodies_leave_little_postures_are_nearer_to_each_other() -> None:
+    """A post keeps an arm from two thirds of its postures; what a graph finds that is as coarse as
+    elsewhere is worth 1.165.
+    """
+    cell = hinged(knots=20)
+    place = [0.60530428, -0.01853363]
+    cell["obstacles"] = [
+        {"name": "post", "shape": {"kind": "disk", "radius": 0.05}, "position": place}
+    ]
+    cell["constraints"] = {"collision": True, "clearance": 0.01}
+    motion = planned(cell)
+    assert motion.objective.after >= 1.236
+    assert motion.collision >= 0.01 - 1e-6
+
+
 def test_without_a_path_the_motion_goes_to_the_best_posture(tmp_path: Path) -> None:
     cell = planar(world=GRAVITY)
     for arm, start in zip(cell["arms"], ([-0.4, 1.5, 1.2], [-0.4, 1.5, 1.2]), strict=True):

@@ -114,7 +114,9 @@ class Finisher:
             if count != len(best.q) or self.shaper.kinked or wanted.margin > kept:
                 straight = interpolated(uniform(len(best.q)), best.q, course.phases)
                 closed = self.closed(straight, course)
-                found = self.shaper.shaped(course, closed, wanted, near=True)
+                again = wanted.margin > kept and not self.shaper.shortest
+                beside = best.multipliers if again else None
+                found = self.shaper.shaped(course, closed, wanted, near=True, beside=beside)
             seen, kept = self._seen(course, found), wanted.margin
             margin = wanted.margin + _MORE * seen.missing + _LEEWAY
             if found.converged and seen.missing > 0 and margin <= self._most_margin:

@@ -21,10 +21,12 @@ from copose.paths.obstruction import (
 )
 from copose.paths.rate_bounds import outrun
 from copose.paths.roadmap import Roadmap
+from copose.paths.solving import same_motion
 from copose.paths.straining import holding_shares
-from copose.paths.trying import Ends, Outcome, Trial, Tried, same_motion
+from copose.paths.trying import Ends, Outcome, Trial, Tried
 from copose.paths.values import Values
 from copose.planning.capacity import HELD
+from copose.planning.clearing import alone_clear
 from copose.planning.machinery import Machinery
 from copose.planning.notes import best_so_far
 from copose.planning.running import Run
@@ -45,6 +47,11 @@ _MOST_LAYERS = 201
 _APART = 0.05
 # How many times finer postures are looked at again where an arm does not go through.
 _FINER = 4
+# What part of an arm's postures is little, and of which layers it is told, every so many.
+_LITTLE, _TOLD = 0.5, 4
+# The same where bodies in the way take parts of self-motions, one after the other until there is a
+# motion; where they leave little of an arm's, the last at once.
+_AMONG_BODIES = (2, 4)
 # By how much a motion may fall behind what another route promises, relative.
 _FALLS = 0.01
 # How much longer than the graph's shortest a motion lasts at first, and how far joints go that
@@ -134,10 +141,38 @@ class Making:
         why = self._uncarried(course) or self._dropped(course, held) or self._outpaced(course)
         if why is not None:
             return self.answer.stopped(why, None)
-        so_far.course, roadmaps = course, so_far.roadmaps
-        why = self._follow(course, held, roadmaps)
+        so_far.course = course
+        fineness = _AMONG_BODIES if self._bodies_matter else (1,)
+        for finer in fineness:
+            # Nobody has said how long it may take where there is no path.
+            slower = _SLOWER if finer == fineness[-1] and self.answer.problem.path is None else 0
+            found, record = self._searched(course, held, so_far, finer, slower)
+            if isinstance(found, Finished) or found.status == "infeasible":
+                break
+        if isinstance(found, Obstruction):
+            return self.answer.stopped(found, record)
+        # All is found: only the record is left to be made.
+        with sheltered():
+            return self.answer.solved(self.machinery, journey, found, record)
+
+    @property
+    def _bodies_matter(self) -> bool:
+        """Whether there are bodies that an arm with one degree of freedom to spare may avoid."""
+        arms = zip(self.machinery.arms, self.machinery.cell.arms, strict=True)
+        spare = any(kernels.n == kernels.m + 1 and not arm.fixed for kernels, arm in arms)
+        return self.machinery.bodies is not None and spare
+
+    def _searched(
+        self, course: Course, held: Ends, so_far: _SoFar, finer: int, slower: int
+    ) -> tuple[Finished | Obstruction, PathSearchRecord]:
+        """The best motion through a graph so fine, or what stands in the way, in as many longer
+        durations too.
+        """
+        so_far.roadmaps = []
+        roadmaps = so_far.roadmaps
+        why = self._follow(course, held, roadmaps, finer)
         if why is not None:
-            return self.answer.stopped(why, self._record(course, roadmaps, 0, []))
+            return why, self._record(course, roadmaps, 0, [])
         stage("finding routes")
         values = Values(self.machinery, course, roadmaps)
         trial = Trial(
@@ -147,23 +182,17 @@ class Making:
             trial = trial.lasting(self._reckoned(trial.least_duration()))
         so_far.trial = trial
         outcome = trial.outcome()
-        for _ in range(_SLOWER if self.answer.problem.path is None else 0):
+        for _ in range(slower):
             if outcome.why is None or not outcome.tried:
                 break
-            # Nobody has said how long it may take.
             trial = so_far.trial = trial.lasting(2 * trial.duration)
             outcome = trial.outcome()
         so_far.combinations = values.combinations
         record = self._record(course, roadmaps, values.combinations, outcome.tried)
         if outcome.why is not None:
-            return self.answer.stopped(outcome.why, record)
+            return outcome.why, record
         stage("checking between knots")
-        found = self._finished(outcome.tried, trial, so_far)
-        if isinstance(found, Obstruction):
-            return self.answer.stopped(found, record)
-        # All is found: only the record is left to be made.
-        with sheltered():
-            return self.answer.solved(self.machinery, journey, found, record)
+        return self._finished(outcome.tried, trial, so_far), record
 
     def _reckoned(self, least: float) -> float:
         """S that the shortest motion is reckoned to last, which speeds alone allow in so many."""
@@ -217,14 +246,19 @@ class Making:
                 part[:] = q
         return Ends(first, np.full(len(first), np.nan))
 
-    def _follow(self, course: Course, held: Ends, roadmaps: list[Roadmap]) -> Obstruction | None:
+    def _follow(
+        self, course: Course, held: Ends, roadmaps: list[Roadmap], finer: int
+    ) -> Obstruction | None:
         """Make a roadmap for each arm; what stands in the way where one does not go through."""
         cell = self.machinery.cell
         parts = zip(cell.system.split(held.first), cell.system.split(held.last), strict=True)
         for i, both in enumerate(parts):
             stage(f"following arm {cell.arms[i].name}", i, len(cell.arms))
             start, goal = (q if np.isfinite(q).all() else None for q in both)
-            roadmap = self._roadmap(course, i, start, goal)
+            roadmap = self._roadmap(course, i, start, goal, finer)
+            coarse = roadmap.through and roadmap.spare == 1 and finer < _FINER
+            if coarse and self._left(course, i, roadmap) < _LITTLE:
+                roadmap = self._roadmap(course, i, start, goal, _FINER)
             roadmaps.append(roadmap)
             if roadmap.through:
                 continue
@@ -233,6 +267,16 @@ class Making:
                 self.machinery, course, roadmap, i, self.answer.duration, self.seed, surely=surely
             )
         return None
+
+    def _left(self, course: Course, i: int, roadmap: Roadmap) -> float:
+        """What part of an arm's postures keeps clear of all but the other arms, about; 1 without
+        bodies.
+        """
+        if self.machinery.bodies is None:
+            return 1.0
+        layers = zip(course.settings[::_TOLD], roadmap.layers[::_TOLD], strict=False)
+        clear = [alone_clear(setting, i, layer.q) for setting, layer in layers]
+        return float(np.mean(np.concatenate(clear)))
 
     def _cut(
         self, course: Course, roadmap: Roadmap, i: int, start: Array | None, goal: Array | None
@@ -243,10 +287,10 @@ class Making:
         if roadmap.spare != 1:
             return roadmap.spare == 0
         fine = self.finisher.course(2 * len(course) - 1)
-        return not self._roadmap(fine, i, start, goal, finer=_FINER).through
+        return not self._roadmap(fine, i, start, goal, _FINER).through
 
     def _roadmap(
-        self, course: Course, i: int, start: Array | None, goal: Array | None, finer: int = 1
+        self, course: Course, i: int, start: Array | None, goal: Array | None, finer: int
     ) -> Roadmap:
         return Roadmap(
             self.machinery, course, i, self.seed, start, goal, returns=self.path.closed, finer=finer

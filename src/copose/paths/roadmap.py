@@ -29,8 +29,6 @@ _BESIDE, _ASLANT, _CARRIED = 1.7, 0.5, 1.0
 _MOST, _MOST_SURFACE, _DRAWN, _COARSER = 120, 200, 480, 1.25
 # By how much squares of distances may be rounded.
 _ROUNDED = 1e-9
-# How many times finer they are where bodies may be in the way.
-_FINER = 4
 # How many times more of them there may be around a posture to start from.
 _FROM_START = 2
 
@@ -106,7 +104,7 @@ class Roadmap:
             start: the posture that it starts in, (n,), closed.
             goal: the posture that it ends in, alike.
             returns: whether it ends in the posture that it began with.
-            finer: how many times nearer to each other postures are than they need be.
+            finer: how many times nearer to each other postures of a curve are than they need be.
         """
         self._cell, self._kernels, self._i = machinery.cell, machinery.arms[i], i
         self._course, arm = course, machinery.cell.arms[i]
@@ -117,8 +115,7 @@ class Roadmap:
         self.spare = spare = 0 if arm.fixed else self._kernels.n - self._kernels.m
         self.simple = spare <= 1
         self._most = _MOST if self.simple else _MOST_SURFACE
-        # Bodies in the way may leave little of a self-motion.
-        finer = finer if machinery.bodies is None or spare > 1 else max(finer, _FINER)
+        finer = finer if self.simple else 1
         self.spacing, self._most = SPACING / finer, finer * self._most
         self.held: list[int | None] = [None, None]
         if start is not None and self.simple:

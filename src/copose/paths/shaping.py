@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -15,7 +16,8 @@ from copose.kernels import Kernel
 from copose.paths.course import Course
 from copose.paths.drive import Drive
 from copose.paths.knot_task import Form
-from copose.paths.solving import Case, Shaped, Solver, Wanted
+from copose.paths.motion_program import Multipliers
+from copose.paths.solving import Case, Met, Shaped, Solver, Wanted
 from copose.paths.starting import values_at
 from copose.planning.capacity import HELD
 from copose.planning.machinery import Machinery
@@ -134,6 +136,8 @@ class Shaper:
         *,
         near: bool = False,
         roughly: bool = False,
+        met: list[Met] | None = None,
+        beside: Multipliers | None = None,
     ) -> Shaped:
         """The best motion near one, (n, N), closed at every knot; of the shortest time if that is
         sought.
@@ -145,17 +149,20 @@ class Shaper:
             near: whether it is nearly the best.
             roughly: whether an objective with kinks may be replaced by one without, and demands
                 that a program leaves out may stay out.
+            met: motions that ran into bodies where the same was wanted, to which others are added.
+            beside: multipliers of the program that it is the answer of, where it is.
         """
         case = replace(self._case(course, wanted), near=near, roughly=roughly)
-        return self._timed(case, q, self._best)
+        case = case if met is None else replace(case, met=met)
+        return self._timed(case, q, partial(self._best, beside=beside))
 
-    def _best(self, case: Case, q: Array) -> Shaped:
+    def _best(self, case: Case, q: Array, beside: Multipliers | None = None) -> Shaped:
         if self.kinked:
             rounded = self._solver.solved(
                 replace(case, near=False, form=self._form(rounded=True)), q
             )
             return rounded if case.roughly else self._sharpened(case, q, rounded)
-        found = self._solver.solved(case, q)
+        found = self._solver.solved(case, q, beside)
         if case.near and not found.converged:
             return self._solver.solved(replace(case, near=False), q)
         return found

@@ -7,7 +7,7 @@ and facets of an exact set.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from copose.planning.machinery import MATTERS, Machinery, Setting
 from copose.poses import Array, Mask
 
 _EXCHANGES, _COLLISIONS = 6, 10
+# Joints that differ by less, rad or m, are those of one motion.
+_SAME = 1e-3
 # Iterations of programs at most, and of those with kinks.
 _PLAIN, _SHARP = 300, 80
 
@@ -72,6 +74,23 @@ class Shaped:
 
 
 @dataclass(frozen=True, eq=False)
+class Met:
+    """A motion that runs into bodies, and what it became.
+
+    Attributes:
+        form: of its program.
+        duration: that the program was given, s.
+        q: joints at the knots, (n, N).
+        ended: with what keeps it clear of them.
+    """
+
+    form: Form
+    duration: float
+    q: Array
+    ended: Shaped
+
+
+@dataclass(frozen=True, eq=False)
 class Case:
     """A motion that is sought, and what its program leaves of the limits.
 
@@ -86,6 +105,8 @@ class Case:
         shares: of torque limits by knot, as a part, (n,).
         calm: of acceleration limits alike.
         roughly: whether demands that the program leaves out stay out.
+        met: motions that ran into bodies where the same was wanted: what comes to one of them ends
+            as it did.
     """
 
     course: Course
@@ -98,6 +119,7 @@ class Case:
     shares: Array
     calm: Array
     roughly: bool = False
+    met: list[Met] = field(default_factory=list)
 
 
 class Solver:
@@ -172,15 +194,31 @@ class Solver:
         """With pairs of bodies that it has run into."""
         machinery, course = self._machinery, case.course
         near = [of_two(mine) for mine in self._witnesses(course, q, MATTERS)]
+        met: list[Array] = []
+        cold, start, multipliers = case, q, beside
         for _ in range(_COLLISIONS):
             found = self._run(case, near, q, demands, beside)
+            if not found.converged and case is not cold:
+                case, q, beside = cold, start, multipliers
+                continue
             if machinery.bodies is None or not found.converged:
-                return found
+                break
             hits = self._witnesses(course, found.q, case.wanted.margin)
             if not any(hits):
-                return found
+                break
+            for known in case.met:
+                same = (known.form, known.duration) == (case.form, case.wanted.duration)
+                if same and same_motion(known.q, found.q):
+                    return known.ended
+            met.append(found.q)
             near = [(*mine, *hit) for mine, hit in zip(near, hits, strict=True)]
-        return replace(found, converged=False, status="Collision")
+            if min(cut.distance for hit in hits for cut in hit) > 0:
+                # What is a little too near is mended where it is.
+                case, q, beside = replace(case, near=True), found.q, found.multipliers
+        else:
+            found = replace(found, converged=False, status="Collision")
+        case.met.extend(Met(case.form, case.wanted.duration, each, found) for each in met)
+        return found
 
     def _witnesses(self, course: Course, q: Array, beyond: float) -> list[list[Witness]]:
         """Of bodies at every knot that are less than so much farther apart than they must be."""
@@ -270,6 +308,11 @@ class Solver:
         if demands is not None and isinstance(objective, LimitsMeasure):
             return objective.numbers(demands)
         return setting.numbers
+
+
+def same_motion(one: Array, other: Array) -> bool:
+    """Whether two motions at the same knots, (n, N), differ by nothing but rounding."""
+    return bool(np.abs(one - other).max() < _SAME)
 
 
 def _parts(task: KnotTask, shares: Array, calm: Array) -> Array | None:

@@ -20,7 +20,7 @@ from copose.paths.obstruction import (
 )
 from copose.paths.roadmap import Roadmap
 from copose.paths.routes import Finder, Route, Worth
-from copose.paths.solving import Shaped, Wanted
+from copose.paths.solving import Met, Shaped, Wanted, same_motion
 from copose.paths.straining import Strain, largest_strain
 from copose.paths.values import Values
 from copose.planning.capacity import HELD
@@ -36,8 +36,6 @@ _ROUTES, _MORE_ROUTES, _DISTANCE = 3, 6, 0.3
 # Combinations of the arms' branches that are all judged where no arm has a degree of freedom to
 # spare.
 _EVERY = 64
-# Joints that differ by less, rad or m, are those of one motion.
-_SAME = 1e-3
 # Routes of a kind from which motions are sought that spare torques.
 _EVEN = 2
 # How many times longer than the graph's shortest a motion lasts that spares torques.
@@ -114,10 +112,11 @@ class Trial:
     seed: int
     tried: list[Tried] = field(default_factory=list)
     _known: list[tuple[Array, Tried]] = field(default_factory=list)
+    _met: list[Met] = field(default_factory=list)
 
     def lasting(self, duration: float) -> Trial:
         """The same in another time."""
-        return replace(self, duration=duration, tried=[], _known=[])
+        return replace(self, duration=duration, tried=[], _known=[], _met=[])
 
     def least_duration(self) -> float:
         """S that joints need at their speed limits, about; 0 without such, ∞ where no way is."""
@@ -289,9 +288,8 @@ class Trial:
         stage("shaping the motion")
         q = self.finisher.closed(self._finder.postures(route), self.course)
         wanted = self.wanted(q, self.duration)
-        return self._valued(
-            route, self.finisher.shaper.shaped(self.course, q, wanted, roughly=True)
-        )
+        shaped = self.finisher.shaper.shaped(self.course, q, wanted, roughly=True, met=self._met)
+        return self._valued(route, shaped)
 
     def _valued(self, route: Route, found: Shaped) -> Tried:
         if not found.converged:
@@ -354,11 +352,6 @@ class Trial:
         if not self.duration < least < np.inf:
             return None
         return too_fast(self._machinery, self._finder, self.course, self.duration, least)
-
-
-def same_motion(one: Array, other: Array) -> bool:
-    """Whether two motions at the same knots, (n, N), differ by nothing but rounding."""
-    return bool(np.abs(one - other).max() < _SAME)
 
 
 def _value(tried: Tried) -> float:
