@@ -2,11 +2,12 @@
 
     python benchmarks/path_collision.py [--paths 5] [--checked 20] [--output FILE]
 
-Random straight carries of two Pandas and of two xArm7 among obstacles. Times are the processor's,
-of a plan with collision over one without, in one process, planners built and kernels compiled; the
-least of three each. Then random straight carries of two Pandas with a box or a ball near the way:
-the least distance of the bodies at 50 times in every interval between knots, asked of coal directly
-on the original meshes, where Pinocchio has the links. Writes a page of Markdown.
+Random straight carries of two Pandas and of two xArm7 among obstacles, and carries of planar arms
+beside a post. Times are the processor's,
+of a plan with collision over one without, by turns in one process, planners built and kernels
+compiled; the least of five each. Then random straight carries of two Pandas with a box or a ball
+near the way: the least distance of the bodies at 50 times in every interval between knots, asked of
+coal directly on the original meshes, where Pinocchio has the links. Writes a page of Markdown.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import copy
 import itertools
 import os
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +33,12 @@ from copose.paths import PathPlanner
 from copose.results import Motion
 from copose.robots import load_arms
 from object_path import ObjectPath
+from path_problems import gripped, hinged, three_jointed
 from reference import example, pose
 
 HERE = Path(__file__).parent
 CLEARANCE = 0.01
-REPEATS = 3
+REPEATS = 5
 TIMES = 50  # in every interval
 SHORT = 1e-6  # m that bodies may be nearer than the clearance
 
@@ -60,35 +63,58 @@ def carry(robot: str, seed: int, obstacles: int = 3, far: float = 0.15) -> dict[
     return tables
 
 
-def seconds(tables: dict[str, Any]) -> tuple[float, Motion]:
-    """What a plan takes of the processor, and the motion."""
-    planner = PathPlanner(copose.parse(tables))
-    planner.compile()
-    motion, spent = planner.plan(), []
+def seconds(*problems: dict[str, Any]) -> list[tuple[float, Motion]]:
+    """What a plan of each takes of the processor, by turns, and the motions."""
+    planners = [PathPlanner(copose.parse(tables)) for tables in problems]
+    for planner in planners:
+        planner.compile()
+    motions = [planner.plan() for planner in planners]
+    spent = [np.inf] * len(planners)
     for _ in range(REPEATS):
-        began = time.process_time()
-        planner.plan()
-        spent.append(time.process_time() - began)
-    return min(spent), motion
+        for k, planner in enumerate(planners):
+            began = time.process_time()
+            planner.plan()
+            spent[k] = min(spent[k], time.process_time() - began)
+    return list(zip(spent, motions, strict=True))
+
+
+def planar(tables: dict[str, Any]) -> dict[str, Any]:
+    """A carry of planar arms with a post below."""
+    post = {"kind": "disk", "radius": 0.05}
+    return tables | {
+        "obstacles": [{"name": "post", "shape": post, "position": [0.0, -0.35]}],
+        "constraints": {"collision": True, "clearance": CLEARANCE},
+    }
+
+
+def carries(wanted: int) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Names and problems: planar ones, then random ones."""
+    if wanted:
+        yield "planar, hinges", planar(hinged(20))
+        yield "planar, rigid", planar(gripped(20))
+        yield "planar, drawn", planar(three_jointed(3))
+    for number in itertools.count():
+        seed, robot = number // 2, ("panda", "xarm7")[number % 2]
+        yield f"{robot} {seed}", carry(robot, seed)
 
 
 def measured(wanted: int) -> tuple[list[str], list[float]]:
-    """Rows of the page, of so many carries that both have a motion, and the ratios."""
+    """Rows of the page, of planar carries and of so many others that both have a motion, and the
+    ratios.
+    """
     rows, ratios = [], []
-    for number in itertools.count():
-        if len(ratios) == wanted:
+    for name, tables in carries(wanted):
+        if len(ratios) == (wanted + 3 if wanted else 0):
             break
-        seed, robot = number // 2, ("panda", "xarm7")[number % 2]
-        tables = carry(robot, seed)
-        free, blind = seconds(without(tables))
-        if blind.status != "solved":
+        if copose.plan(copose.parse(without(tables))).status != "solved":
             continue
-        spent, motion = seconds(tables)
-        if motion.time is None or blind.time is None:
+        if copose.plan(copose.parse(tables)).status != "solved":
             continue
+        (free, blind), (spent, motion) = seconds(without(tables), tables)
+        assert motion.time is not None and blind.time is not None
         ratios.append(spent / free)
         rows.append(
-            f"| {robot} {seed} | {len(blind.time)} | {blind.objective.after:.6f} | {free:.2f} "
+            f"| {name} | {len(blind.time)} | {blind.objective.after:.6f} | {free:.2f} "
             f"| {len(motion.time)} | {motion.objective.after:.6f} | {spent:.2f} "
             f"| {ratios[-1]:.1f} |"
         )
