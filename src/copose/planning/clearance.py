@@ -178,7 +178,7 @@ def with_collision(cell: Cell, measured: Measurement, bodies: Bodies) -> Measure
     if nearest.distance < bodies.clearance:
         both = " and ".join(nearest.pair)
         notes += (
-            f"{both} overlap"
+            f"{both} overlap; the clearance is {bodies.clearance:g} m"
             if nearest.distance <= 0
             else f"{both} are nearer than the clearance, {bodies.clearance:g} m: "
             "[constraints] clearance sets it",
