@@ -225,6 +225,15 @@ def test_what_cannot_be_closed_is_written_and_told(here: Path, capsys) -> None:
     assert "start" not in tomllib.loads((here / "p.toml").read_text())["arms"][0]
 
 
+@pytest.mark.parametrize(
+    "robot", ["panda_description/urdf/panda", "ur_description/urdf/ur10_robot"]
+)
+def test_an_arm_by_itself_holds_what_is_above_its_table(here: Path, robot: str) -> None:
+    assert main(["init", f"example-robot-data://{robot}.urdf", "-o", "one.toml"]) == 0
+    thing = copose.load("one.toml").object
+    assert thing.position[2] >= thing.shape.size[2] / 2
+
+
 def test_arms_of_few_joints_hold_by_ball_joints(here: Path) -> None:
     assert main(["init", SO100, SO100, "-o", "p.toml", "--quiet"]) == 0
     problem = copose.load("p.toml")

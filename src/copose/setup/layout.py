@@ -18,6 +18,8 @@ _POSTURES = 200
 # shortest reach.
 _HEIGHTS = (0.3, 0.0, 0.15, 0.5, -0.2, -0.4)
 _AHEAD = (0.5, 0.4, 0.6, 0.3, 0.7)
+# What counts as above the table that an arm by itself stands on, alike.
+_ABOVE = 0.15
 _LEVELS = (-0.2, 0.0, -0.4, 0.2)
 _UP, _NOWHERE = np.array([0.0, 0.0, 1.0]), np.zeros(3)
 # A mean way that tells where a robot's front is, as a part of its reach.
@@ -146,14 +148,20 @@ def _in_front(middle: Array, shoulders: Array, shortest: float, ahead: Array) ->
     """
     lateral = tuple(_beside(shoulder, shoulders) for shoulder in shoulders)
     none, alone = (_NOWHERE,) * len(shoulders), len(shoulders) == 1
+    # An arm by itself most often stands on a table, at whose height its root is.
+    low = _ABOVE * shortest if alone else -np.inf
     groups = []
     for front in (ahead, -ahead):
         where = [
             middle + shortest * (far * front + level * _UP) for level in _LEVELS for far in _AHEAD
         ]
+        heights = [[at for at in where if (at[2] < low) == under] for under in (False, True)]
         near = (-front,) * len(shoulders)
         ways = [(near, none), ((_UP,), none)] if alone else [(lateral, none), (near, lateral)]
-        groups += [[Place(at, sides, leans) for at in where] for sides, leans in ways]
+        groups += [
+            [Place(at, sides, leans) for at in some]
+            for some in heights if some for sides, leans in ways
+        ]  # fmt: skip
     return groups
 
 
