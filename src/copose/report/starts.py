@@ -57,7 +57,8 @@ def start_words(start: ArmStart) -> str:
         return f"{name} misses its grasp by {start.miss} at its start{moved}"
     if start.closed:
         return f"{name} has no start; a random posture holds the object"
-    return f"{name} has no start; of many random postures the nearest misses by {start.miss}"
+    both = ", in position and turn together," if start.rigid else ""
+    return f"{name} has no start; of many random postures the nearest{both} misses by {start.miss}"
 
 
 @dataclass(frozen=True, eq=False)
