@@ -328,7 +328,8 @@ def test_nothing_leaks_to_stderr(here: Path) -> None:
     write(here, cell)
     answer = run("solve", "p.toml", cwd=here)
     assert answer.stderr == (
-        "copose: failed: volume 0: the Jacobian of arm 'a1' has rank 1 of 2 here\n"
+        "copose: failed: volume 0: the Jacobian of arm 'a1' has rank 1 of 2 here; another posture, "
+        "or [objective] axes that it can move along, has a volume\n"
     )
 
 

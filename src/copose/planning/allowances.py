@@ -188,7 +188,10 @@ class Allowance:
                     residual_radius=exact.residual_radius,
                 )
         if not records:
-            found.notes.append("exact set unknown: the equations of motion are singular here")
+            found.notes.append(
+                "exact set unknown: the equations of motion are singular here; another posture has "
+                "one"
+            )
         found.keys["exact_sets"] = records
         one = len(records) == 1
         radius = next(iter(records.values())).residual_radius if one else None

@@ -167,7 +167,8 @@ class Meter:
             rank = _rank(J)
             if rank < m:
                 notes.append(
-                    f"volume 0: the Jacobian of arm {arm.name!r} has rank {rank} of {m} here"
+                    f"volume 0: the Jacobian of arm {arm.name!r} has rank {rank} of {m} here; "
+                    "another posture, or [objective] axes that it can move along, has a volume"
                 )
             known = rank == m and arm.name not in cell.weightless
             single = ellipsoid_of(own) if known else None
@@ -183,7 +184,8 @@ class Meter:
             whole = self._ellipsoids(cell, joints)
             if any(each is None for each in whole.values()):
                 notes.append(
-                    "volume unknown: the equations of motion are singular to working precision"
+                    "volume unknown: the equations of motion are singular to working "
+                    "precision; another posture, or inertia and armature as they are, has one"
                 )
             ellipsoids = {name: sliced(cell, each) for name, each in whole.items()}
             # Whether the object can be kept at rest is a question for all of its coordinates, and
@@ -192,7 +194,7 @@ class Meter:
             if optimal is not None and not optimal.contains(np.zeros(m)):
                 notes.append(
                     "rest is outside the shifted ellipsoid: torques of the ball cannot keep the "
-                    "object from accelerating"
+                    "object from accelerating (copose manual measures)"
                 )
         ellipsoid = ellipsoids[cell.resolution.name]
         allowed = self._allowed(cell, joints, everything)

@@ -45,7 +45,10 @@ def once(notes: Iterable[str]) -> tuple[str, ...]:
 
 def best_so_far(stop: StoppedError) -> str:
     """That a call had to end before it was done."""
-    return f"{stop}: the best so far; answers that are cut short may differ from run to run"
+    return (
+        f"{stop}: the best so far; answers that are cut short may differ from run to run: allow "
+        "more time for one that does not"
+    )
 
 
 def standing_notes(cell: Cell, *, everything: bool = False) -> tuple[str, ...]:
