@@ -148,7 +148,7 @@ class TestWatch:
 def cut_short(solution: copose.Solution | copose.Motion, words: str) -> bool:
     return any(
         re.match(f"stopped by the limit of {LIMIT} s while {words}.*: the best so far; .* from run "
-                 "to run$", note)
+                 "to run: allow more time", note)
         for note in solution.notes
     )  # fmt: skip
 
