@@ -330,3 +330,17 @@ def test_no_posture_is_counted_twice() -> None:
     places = ready.embedded(0, sample.closed)
     apart = np.linalg.norm(places[:, None] - places[None], axis=2) + np.eye(len(places))
     assert apart.min() > 1e-7
+
+
+def test_a_tie_leaves_arms_where_they_start() -> None:
+    """Mirrored at the line of bases and object every posture is worth the same."""
+    cell = planar() | {"object": planar()["object"] | {"position": [0.5, 0.0]}}
+    for arm, x in zip(cell["arms"], (0.0, 1.0), strict=True):
+        arm["base"] = {"position": [x, 0.0]}
+    best = copose.solve(copose.parse(cell)).after.joints
+    for sign in (1.0, -1.0):
+        for arm in cell["arms"]:
+            arm["start"] = [sign * q for q in best[arm["name"]]]
+        solution = copose.solve(copose.parse(cell))
+        for name, q in best.items():
+            np.testing.assert_allclose(solution.after.joints[name], sign * np.array(q), atol=1e-9)

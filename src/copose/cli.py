@@ -499,7 +499,7 @@ def _manual(arguments: argparse.Namespace) -> int:
     from copose.manual import page, topics
 
     if arguments.topic is not None:
-        from copose.manual.rendering import Page
+        from copose.manual.markdown import Page
 
         print_rich(Page(page(arguments.topic)))
         return SOLVED

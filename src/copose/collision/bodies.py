@@ -231,8 +231,12 @@ class Bodies:
         return np.asarray(radii[self.pairs].sum(axis=1))
 
     def _judged(self, count: int, rows: Indices, gaps: Array) -> tuple[Mask, Mask]:
-        """Which of so many configurations have round bodies that are too near, and which of the
-        others it cannot be told of, by distances of some and the rows that they belong to.
+        """Configurations, of so many, with round bodies too near, and those that are undecided.
+
+        Args:
+            count: how many there are.
+            rows: the configuration that each distance belongs to, (k,).
+            gaps: distances of round bodies, m, (k,).
         """
         hit, unsure = (np.zeros(count, dtype=np.bool_) for _ in range(2))
         hit[rows[gaps < self.clearance - UNSURE]] = True
@@ -433,7 +437,7 @@ class Bodies:
         return all(self._apart(one, other, gap, places) for gap, one, other in left)
 
     def _enclosing(self, where: Placements, pairs: Indices) -> bool:
-        """Whether a body encloses the other in any of some pairs, whose surfaces are apart."""
+        """True where a body encloses the other in any of some pairs, whose surfaces are apart."""
         places = Places(where)
         return any(
             self._encloses(one, other, places)
@@ -509,7 +513,7 @@ class Bodies:
         return self._measured(one, other, "hulls", places)[0]
 
     def _within(self, one: _Placed, other: _Placed, most: float, places: Places) -> bool:
-        """Whether the hulls of two parts are nearer to each other than so much, m, or about."""
+        """True where the hulls of two parts are nearer than so much, m, to the last digits."""
         import coal
 
         # The last digits of the answer do not matter: functors may be asked again.
@@ -607,8 +611,8 @@ class Places:
 
 
 def _segments(parts: Sequence[_Placed | None]) -> Segments:
-    """Those within a radius of which round parts are, in the frames of their carriers; points for
-    what is none.
+    """Segments in the frames of their carriers that round parts are within a radius of; points at
+    the origin for parts that are not round.
     """
     ends = np.zeros((len(parts), 2, 3))
     for k, part in enumerate(parts):

@@ -36,7 +36,7 @@ class LinkShapes:
 
     @classmethod
     def of(cls, robot: Robot, *, measured: bool = False) -> LinkShapes:
-        """What its file says of them.
+        """The shapes of a robot's links.
 
         Args:
             robot: read.

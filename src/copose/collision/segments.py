@@ -29,15 +29,15 @@ class Segments(NamedTuple):
     along: Array
 
     def of(self, which: Indices) -> Segments:
-        """Some of those of every configuration, (..., k, 3)."""
+        """Segments, some of every configuration, (..., k, 3)."""
         return Segments(self.begin[..., which, :], self.along[..., which, :])
 
     def at(self, rows: Indices, which: Indices) -> Segments:
-        """One of each of some configurations, (k, 3)."""
+        """Segments, one of each of some configurations, (k, 3)."""
         return Segments(self.begin[rows, which], self.along[rows, which])
 
     def moved(self, where: Placements, carrier: Indices) -> Segments:
-        """In the world, (..., s, 3), of segments (s, 3) in the frames of their carriers."""
+        """Segments in the world, (..., s, 3), of those (s, 3) in the frames of their carriers."""
         R = where.rotations[..., carrier, :, :]
         begin, along = (np.einsum("...sij,sj->...si", R, each) for each in self)
         return Segments(begin + where.positions[..., carrier, :], along)

@@ -62,7 +62,7 @@ class Primitive:
 
     @property
     def round(self) -> bool:
-        """Whether it is all that lies within a distance of a segment, as `hull` has them."""
+        """True for a sphere and a capsule: all within a distance of a segment, see `hull`."""
         return self.kind in ("sphere", "capsule")
 
     @cached_property

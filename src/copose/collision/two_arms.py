@@ -1,4 +1,4 @@
-"""What balls round the bodies of two arms and segments in them tell of combinations of postures."""
+"""Distance tests of two arms in all combinations of their postures, by balls and segments."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from copose.collision.segments import UNSURE, Segments, segment_distances
 from copose.poses import Array, Indices, Mask
 from copose.progress import heed
 
-# Combinations that are looked at together where they are few of all, and pairs of bodies where not.
-_FEW, _MANY = 500, 200_000
+# Combinations that are tested together where they are few of all.
+_FEW = 500
+# Combinations times pairs of bodies that are tested together where they are not.
+_MANY = 200_000
 # From how many times as many as are asked for on all combinations are not looked at.
 _SPARSE = 4
 # By what share of squares of lengths those of distances are rounded.

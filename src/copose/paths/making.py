@@ -47,8 +47,10 @@ _MOST_LAYERS = 201
 _APART = 0.05
 # How many times finer postures are looked at again where an arm does not go through.
 _FINER = 4
-# What part of an arm's postures is little, and of which layers it is told, every so many.
-_LITTLE, _TOLD = 0.5, 4
+# Share of an arm's postures below which bodies leave it little.
+_LITTLE = 0.5
+# Every so many layers are looked at for that.
+_TOLD = 4
 # The same where bodies in the way take parts of self-motions, one after the other until there is a
 # motion; where they leave little of an arm's, the last at once.
 _AMONG_BODIES = (2, 4)

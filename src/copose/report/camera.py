@@ -13,8 +13,12 @@ from copose.report.link_bodies import LinkBody
 # What is tried, degrees; of equally good views the one nearest to the first is taken.
 _AZIMUTHS = tuple(range(-62, 298, 20))
 _ELEVATIONS = (18, 32)
-# What a point of a hand or of the object counts against one of another link.
-_HAND, _OBJECT, _LINK = 3.0, 1.0, 1.0
+# Weight of a hand.
+_HAND = 3.0
+# Weight of any other link.
+_LINK = 1.0
+# Weight of the object, as a share of the links' number.
+_OBJECT = 0.25
 # What the best view is better by than the usual one, as a share of all that could be seen.
 _BETTER = 0.03
 # Points of a body that stand for it.
@@ -48,7 +52,7 @@ def _sights(links: Sequence[LinkBody], thing: Array) -> tuple[Array, Array, Indi
     """
     own = [k for k, link in enumerate(links) if link.arm is not None]
     points = [*(_spread(links[k].points) for k in own), _spread(thing)]
-    each = [_HAND if links[k].last else _LINK for k in own] + [_OBJECT * len(own) / 4]
+    each = [_HAND if links[k].last else _LINK for k in own] + [_OBJECT * len(own)]
     count = len(points[0])
     return np.vstack(points), np.repeat(each, count) / count, np.repeat([*own, -1], count)
 

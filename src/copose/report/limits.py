@@ -17,8 +17,10 @@ from copose.report.ellipsoids import radii_words
 from copose.report.slices import angular_slice, linear_slice
 from copose.results import EllipsoidRecord, Posture, Solution, WrenchRecord
 
-# Extremes whose contact wrenches are all listed, and arms beside one another.
-_EXTREMES, _ARMS = 8, 2
+# Extremes whose contact wrenches are all listed.
+_EXTREMES = 8
+# Arms beside one another.
+_ARMS = 2
 # Numbers beside one another.
 _COLUMNS = 6
 # Shares of torque limits that differ by less, relative, are equally large.

@@ -18,8 +18,10 @@ from copose.results import CasePosture, FreeRecord, Solution
 ANGLES = ("roll", "pitch", "yaw", "angle", "twist")
 # An offset nearer to an end of its range, as a share of the range, is at that end.
 _END = 1e-4
-# Cases whose joints are listed, and of them beside one another.
-_CASES, _COLUMNS = 6, 3
+# Cases whose joints are listed.
+_CASES = 6
+# Cases beside one another.
+_COLUMNS = 3
 
 
 def free_tables(solution: Solution) -> list[Table]:

@@ -14,8 +14,12 @@ from copose.poses import Array
 from copose.report import style
 from copose.report.frames import View
 
-# How bright a face is that the light misses, how much the light adds, and what solids are paler.
-_DARK, _LIGHT, _PALE = 0.5, 0.55, 0.1
+# Brightness of a face that the light misses.
+_DARK = 0.5
+# Brightness that the light adds where it meets a face squarely.
+_LIGHT = 0.55
+# By how much solids are paler than their colour.
+_PALE = 0.1
 # Where the light is: to the right, up and towards the eye.
 _LAMP = np.array([-0.45, 0.6, 0.66])
 # Cosine to the eye below which the face of a solid is on its far side, in perspective too.

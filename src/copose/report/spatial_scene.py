@@ -26,10 +26,16 @@ from copose.results import EllipsoidRecord, Posture
 # The longest semi-axis drawn, and how high the angular slice floats, as shares of the scene.
 _ELLIPSE_SHARE = 0.18
 _LIFT = 0.42
-# How long a tip's axes are, and the pieces that are sorted by depth, alike.
-_AXIS, PIECE = 0.05, 0.07
-# How much is seen of what stands behind.
-_OBJECT, _OBSTACLE, _SLICE = 0.3, 0.4, 0.35
+# Length of a tip's axes, alike.
+_AXIS = 0.05
+# Side of the pieces that are sorted by depth, alike.
+PIECE = 0.07
+# Opacity of the object.
+_OBJECT = 0.3
+# Opacity of obstacles.
+_OBSTACLE = 0.4
+# Opacity of ellipsoids.
+_SLICE = 0.35
 # Over all that is drawn by its depth.
 ON_TOP = 1000
 

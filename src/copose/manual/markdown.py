@@ -1,4 +1,4 @@
-"""A page of the manual on a terminal."""
+"""Markdown on a terminal, tables whole."""
 
 from __future__ import annotations
 
