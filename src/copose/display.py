@@ -1,4 +1,4 @@
-"""What notebooks ask of a problem or a result that they show."""
+"""The HTML representation that notebooks ask of problems and results."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def export(
 def exported_text(
     result: Solution | Motion, to: str, *, problem: Problem | None = None, case: str | None = None
 ) -> str:
-    """What `export` writes."""
+    """The text that `export` writes."""
     made = _format(to)
     if SPACES[result.problem.space].planar and not made.planar:
         legal = ", ".join(name for name, each in FORMATS.items() if each.planar)
@@ -94,7 +94,7 @@ def exported_text(
 
 
 def usual_name(result: Solution | Motion, to: str) -> str:
-    """What the file of a result is called where nobody says."""
+    """The default name of a result's file."""
     made = _format(to)
     return made.posture_file if isinstance(result, Solution) else made.motion_file
 

@@ -77,7 +77,7 @@ def _problem(solution: Solution) -> Problem:
 
 
 def _agrees(arm: Arm, posture: Posture) -> bool:
-    """Whether an arm's frames are as far apart as a posture has them, wherever its base is."""
+    """True where an arm's frames are as far apart as a posture has them, wherever its base is."""
     frames = arm.frames(posture.joints[arm.name])
     here = np.array([frame.position for frame in frames])
     there = np.array(posture.arms[arm.name].skeleton)

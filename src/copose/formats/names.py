@@ -1,4 +1,4 @@
-"""What joints are called where all arms' stand in one list."""
+"""Joint names where those of all arms stand in one list."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is exported: a posture with all that says what it means, or the knots of a motion."""
+"""Postures and knots to export, with all that says what they mean."""
 
 from __future__ import annotations
 

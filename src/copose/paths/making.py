@@ -159,7 +159,7 @@ class Making:
 
     @property
     def _bodies_matter(self) -> bool:
-        """Whether there are bodies that an arm with one degree of freedom to spare may avoid."""
+        """True with bodies that an arm with one degree of freedom to spare may avoid."""
         arms = zip(self.machinery.arms, self.machinery.cell.arms, strict=True)
         spare = any(kernels.n == kernels.m + 1 and not arm.fixed for kernels, arm in arms)
         return self.machinery.bodies is not None and spare

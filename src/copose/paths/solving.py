@@ -311,7 +311,7 @@ class Solver:
 
 
 def same_motion(one: Array, other: Array) -> bool:
-    """Whether two motions at the same knots, (n, N), differ by nothing but rounding."""
+    """True where two motions at the same knots, (n, N), differ by nothing but rounding."""
     return bool(np.abs(one - other).max() < _SAME)
 
 
