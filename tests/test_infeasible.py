@@ -77,7 +77,7 @@ def test_links_that_are_too_short_are_told_by_how_much() -> None:
 
 def test_what_random_postures_do_not_close_is_not_called_infeasible(monkeypatch) -> None:
     def nothing(self: ArmSampler, rng: np.random.Generator, *effort: int) -> ArmSample:
-        q = self._draw(rng, 8)
+        q = self.draw(rng, 8)
         return ArmSample(q[:0], np.zeros((0, 0), dtype=np.intp), 8, None, q)
 
     cell = planar(1, 4)

@@ -16,9 +16,10 @@ from scipy.sparse.csgraph import connected_components
 import copose
 from cells import closed_postures, planar, random_cell, tables, two_pandas
 from copose.planning.cell import Cell
+from copose.planning.curves import follow
 from copose.planning.machinery import Machinery
 from copose.planning.optima import LocalOptimum
-from copose.planning.reachability import component, reachable
+from copose.planning.reachability import component, rails_of, reachable
 from copose.planning.search import EFFORTS, Found
 from copose.planning.within_reach import WithinReach
 from copose.problem import parse
@@ -128,6 +129,16 @@ class Graph:
 
 def asked(machinery, setting, start, end) -> bool | None:
     return reachable(machinery, setting, [np.array(start)], [np.array(end)]).whole
+
+
+def test_every_tangent_of_a_followed_curve_is_one() -> None:
+    lengths, distance = (0.4, 0.3, 0.35), 0.6
+    machinery, setting = ready(three_links(lengths, distance))
+    rails = rails_of(machinery, setting, [0])
+    curve = follow(rails, elbows(lengths, distance, np.array([0.3]), 1.0))[0]
+    _, J = rails.kernels.residual(curve.points, rails.goals[0])
+    assert len(curve.points) > 20
+    assert np.abs(np.einsum("kmn,kn->km", J, curve.tangents)).max() < 1e-9
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -256,3 +256,16 @@ def test_what_others_write_is_not_swept(here: Path, monkeypatch) -> None:
     go_on.set()
     other.join()
     assert {path.name: path.read_bytes() for path in here.iterdir()} == {"a": b"a", "b": b"b"}
+
+
+def test_what_is_no_file_is_written_to_as_it_is(here: Path) -> None:
+    pipe, read = here / "pipe", []
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: read.append(pipe.read_bytes()))
+    reader.start()
+    write_file(pipe, b"whole")
+    reader.join(10)
+    assert read == [b"whole"] and not pipe.is_file() and list(here.iterdir()) == [pipe]
+    with pytest.raises(copose.InputError, match="No space left"):
+        write_file(Path("/dev/full"), b"whole")
+    assert not Path("/dev/full").is_file()

@@ -82,6 +82,14 @@ class Allowance:
         self._exact_sets(cell, holding, q, found)
         return found
 
+    def holding(self, cell: Cell, q: Sequence[Array]) -> dict[str, Vector] | None:
+        """Shares of the torque limits in the hold at rest whose largest share is smallest, by arm;
+        None where no contact wrenches hold the object.
+        """
+        holding = self.capacity.holding(cell)
+        extreme = self._dynamics(holding, q).hold(holding.hold)
+        return None if extreme is None else self._shares(cell, extreme)
+
     def _dynamics(self, holding: Holding, q: Sequence[Array]) -> Dynamics:
         return self.capacity.dynamics(holding, [mine[None] for mine in q])
 

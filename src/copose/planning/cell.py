@@ -50,13 +50,19 @@ class Cell:
     weightless: Mapping[str, str]
 
     @classmethod
-    def of(cls, problem: Problem) -> Cell:
+    def of(cls, problem: Problem, *, movable: bool = False) -> Cell:
         """Read the robots of a problem and write down its mechanics.
+
+        Args:
+            problem: as asked.
+            movable: whether the poses of all bases and grasps are parameters.
 
         Raises:
             InputError: a robot cannot be used.
         """
         arms = load_arms(problem)
+        if movable:
+            arms = tuple(replace(arm, free=("base", "grasp")) for arm in arms)
         try:
             fall = np.array([*problem.world.gravity, 0.0])[:3]
             system = System.of(problem.space, arms, problem.ellipsoid.load_distribution, fall)
@@ -213,6 +219,16 @@ class Cell:
             InputError: it is no place.
         """
         return self.with_places(moved(self.problem, place), self.arms)
+
+    def at(self, problem: Problem) -> Cell:
+        """The same cell for a problem of its structure, see `same_structure`."""
+        arms = []
+        for arm, old, new in zip(self.arms, self.problem.arms, problem.arms, strict=True):
+            places = {what: getattr(new, what) for what in ("base", "grasp")}
+            if any(place != getattr(old, what) for what, place in places.items()):
+                arm = replace(arm, **{what: place.pose for what, place in places.items()})
+            arms.append(arm)
+        return self.with_places(problem, tuple(arms))
 
     def with_places(self, problem: Problem, arms: tuple[Arm, ...]) -> Cell:
         """The same cell for a problem, and arms, that differ in places and masses alone."""

@@ -133,7 +133,7 @@ class _Fronts:
         self.stops: list[int | None] = [None] * (2 * k)
         self.outside: dict[int, tuple[Array, Array, float]] = {}
         self.trails: list[list[tuple[Array, Array]]] = [
-            [(q, t)] for q, t in zip(self.q, self.tangent, strict=True)
+            [(q, t)] for q, t in zip(self.q, self.tangent.copy(), strict=True)
         ]
 
     def advance(self) -> None:

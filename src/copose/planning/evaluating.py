@@ -88,20 +88,19 @@ def _evaluated(
             notes += scene.notes
         else:
             notes += overlap_notes(cell, bodies, q)
-    fault = next(_faults(cell, q, measured), None)
     placed = Placed((x,), (np.concatenate(q),), np.nan)
     after = Placing(placed, (Case(measured, 1.0),)) if len(freedom) else measured
+    timing = Timing(build_s=built - began, search_s=time.perf_counter() - built)
+    fault = next(faults(cell, q, measured), None)
+    if fault is None:
+        return answer(
+            cell, meter.objective, status="solved", notes=notes, after=after, timing=timing,
+            links=links,
+        )  # fmt: skip
     return answer(
-        cell,
-        meter.objective,
-        status="solved" if fault is None else "infeasible",
-        reason=fault,
-        notes=notes,
-        after=after if fault is None else None,
-        miss=measured if fault is not None else None,
-        timing=Timing(build_s=built - began, search_s=time.perf_counter() - built),
-        links=links,
-    )
+        cell, meter.objective, status="infeasible", reason=fault, notes=notes, miss=measured,
+        timing=timing, links=links,
+    )  # fmt: skip
 
 
 def _starts(cell: Cell) -> list[Array]:
@@ -117,7 +116,8 @@ def _starts(cell: Cell) -> list[Array]:
     return starts
 
 
-def _faults(cell: Cell, q: Sequence[Array], measured: Measurement) -> Iterator[str]:
+def faults(cell: Cell, q: Sequence[Array], measured: Measurement) -> Iterator[str]:
+    """Limits that a posture, by arm (n_i,), breaks and grasps that it misses, a sentence each."""
     for arm, positions in zip(cell.arms, q, strict=True):
         for joint, position in zip(arm.joints, positions, strict=True):
             beyond = max(joint.lower - position, position - joint.upper)
@@ -165,7 +165,7 @@ def verify(problem: Problem, solution: Solution) -> tuple[str, ...]:
             everything = "companions" in stated.model_fields_set
             here = meter.toward(objective if not names[k] else objective_of(cell))
             measured = here.measure(cell, joints, everything=everything)
-            wrong += [f"{where}: {fault}" for fault in _faults(cell, joints, measured)]
+            wrong += [f"{where}: {fault}" for fault in faults(cell, joints, measured)]
             wrong += [f"{where}: {key}" for key in _differences(stated, measured.posture)]
             value = measured.value
             total = None if total is None or value is None else total + weights[k] * value

@@ -44,6 +44,16 @@ class Loops:
         """How many loops there are."""
         return len(np.unique(self._loops))
 
+    def innermost(self, beyond: float) -> Array:
+        """Of each loop the point that is deepest within limits, (count, n); none of a loop that is
+        farther beyond them than that everywhere, rad (or m).
+        """
+        depth = self._cell.beyond(self._i, self.points) if len(self.points) else np.zeros(0)
+        order = np.lexsort([depth, self._loops])
+        first = np.unique(self._loops[order], return_index=True)[1]
+        rows = order[first]
+        return np.asarray(self.points[rows[depth[rows] <= beyond]])
+
     def closed(self, q: Array) -> Array:
         """Postures, (count, n), projected onto self-motions; those that cannot be are left out."""
         ends, gaps = self._project(q, 25, _CLOSED)

@@ -326,14 +326,22 @@ class Machinery:
         edges = np.cumsum([arm.n for arm in self.arms])[:-1]
         return np.split(q, edges, axis=1)
 
+    def objectives_of(self, setting: Setting, sums: Array) -> Array:
+        """The same of the arms' sums, (count, s), where the objective measures an ellipsoid."""
+        return self._of_grams(setting.objective, self.grams_of(setting, sums))
+
+    @staticmethod
+    def _of_grams(objective: Objective, grams: Array | None) -> Array:
+        assert grams is not None and isinstance(objective, EllipsoidMeasure)
+        values = np.full(len(grams), np.nan)
+        sound = np.isfinite(grams).all(axis=(1, 2))
+        values[sound] = objective.of_grams(grams[sound])
+        return values
+
     def _objectives(self, setting: Setting, q: Sequence[Array], grams: Array | None) -> Array:
         objective = setting.objective
         if isinstance(objective, EllipsoidMeasure):
-            assert grams is not None
-            values = np.full(len(grams), np.nan)
-            sound = np.isfinite(grams).all(axis=(1, 2))
-            values[sound] = objective.of_grams(grams[sound])
-            return values
+            return self._of_grams(objective, grams)
         assert isinstance(objective, LimitsMeasure)
         assert self.capacity is not None and setting.holding is not None
         return objective.exact(self.capacity, setting.cell, setting.holding, q)
@@ -639,10 +647,13 @@ class Machinery:
         except InputError:
             return ()
 
-    def measure(self, setting: Setting, joints: Sequence[Array]) -> Measurement:
-        """A posture as it is reported, by arm (n_i,)."""
+    def measure(
+        self, setting: Setting, joints: Sequence[Array], *, everything: bool = False
+    ) -> Measurement:
+        """A posture as it is reported, by arm (n_i,), see `Meter.measure`."""
         cell = setting.cell
-        measured = self.meter.toward(setting.objective).measure(cell, joints)
+        meter = self.meter.toward(setting.objective)
+        measured = meter.measure(cell, joints, everything=everything)
         if self.bodies is None:
             return measured
         return with_collision(cell, measured, self.bodies)

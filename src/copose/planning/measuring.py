@@ -22,7 +22,17 @@ from copose.planning.limits_measures import LimitsMeasure
 from copose.planning.objectives import EllipsoidMeasure, Objective
 from copose.planning.parts import Parts, ellipsoid_of, sliced
 from copose.poses import Array
-from copose.results import ArmRecord, EllipsoidRecord, Posture, frame, matrix, place, vector
+from copose.results import (
+    ArmRecord,
+    EllipsoidRecord,
+    Posture,
+    Vector,
+    frame,
+    matrix,
+    place,
+    vector,
+)
+from copose.robots import freed
 
 # Below this ratio of singular values a Jacobian counts as rank-deficient: nothing that a
 # pseudoinverse says of such a direction would be known to a single digit.
@@ -202,7 +212,9 @@ class Meter:
         planar = cell.problem.space.planar
         keys: dict[str, Any] = {
             what: {
-                arm.name: frame(getattr(arm, what), planar) for arm in cell.arms if what in arm.free
+                arm.name: frame(getattr(arm, what), planar)
+                for arm, spec in zip(cell.arms, cell.problem.arms, strict=True)
+                if what in freed(spec)
             }
             for what in ("base", "grasp")
         }
@@ -248,6 +260,12 @@ class Meter:
             found = self._allowance.all(cell, joints)
         found.keys["companions"] = self._companions.of(cell, joints)
         return found
+
+    def holding_shares(self, cell: Cell, joints: Sequence[Array]) -> dict[str, Vector] | None:
+        """Share of each joint's torque limit, by arm, in the hold at rest whose largest share is
+        smallest; None where a joint has no limit or no contact wrenches hold the object.
+        """
+        return None if self._allowance is None else self._allowance.holding(cell, joints)
 
     def _ellipsoids(self, cell: Cell, joints: Sequence[Array]) -> dict[str, Ellipsoid | None]:
         """The system's ellipsoid by each resolution, in all coordinates of the task."""

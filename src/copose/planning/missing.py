@@ -14,7 +14,7 @@ from copose.planning.machinery import Machinery, Setting
 from copose.planning.reach_bounds import excluded
 from copose.planning.self_motion import ArmSample
 from copose.poses import Array, Pose, quaternion_product, rotation_rows
-from copose.robots import finite_range
+from copose.robots import finite_range, freed
 
 # Nearest misses of a sample from which the nearest of all is sought.
 _TRIED = 12
@@ -143,7 +143,7 @@ def _turned(machinery: Machinery, setting: Setting, i: int, starts: Array) -> st
     """
     cell, kernels, goal = setting.cell, machinery.arms[i], setting.placement.goals[i]
     space, arm, limits = cell.system.space, cell.arms[i], (cell.lower[i], cell.upper[i])
-    if "grasp" in arm.free:
+    if "grasp" in freed(cell.problem.arms[i]):
         return ""
     weights = np.ones(space.m)
     ends = starts

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from numbers import Integral
 from typing import get_args
 
@@ -14,17 +15,25 @@ from numpy.typing import ArrayLike
 from copose.errors import InputError, nearest
 from copose.kernels import one_at_a_time
 from copose.planning.aims import objective_of
-from copose.planning.answering import unfound
+from copose.planning.answering import answer, unfound
+from copose.planning.branches import held_postures
 from copose.planning.cell import Cell
 from copose.planning.closing import CLOSED, project
+from copose.planning.evaluating import faults
+from copose.planning.following import Followed, nearest_gaps
 from copose.planning.freedom import Freedom
+from copose.planning.landscape import Landscape, landscape
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.measuring import Measures
+from copose.planning.null_motion import NullMotion, null_basis, null_motion
 from copose.planning.placed_answer import PlacedRun
 from copose.planning.placing import Placed
+from copose.planning.reachability import rails_of
 from copose.planning.running import EffortName, Run
+from copose.planning.self_motion_curve import SelfMotionCurve
+from copose.planning.self_motion_values import self_motions
 from copose.poses import Array
-from copose.problem import Problem
+from copose.problem import Problem, same_structure
 from copose.progress import StoppedError, Tell, sheltered, stage, watched
 from copose.results import Solution, Timing
 
@@ -61,20 +70,38 @@ class Planner:
     """
 
     @one_at_a_time
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, *, movable: bool = False) -> None:
         """Build everything that solving needs.
+
+        Args:
+            problem: as read by `copose.load`.
+            movable: whether the poses of bases and grasps are parameters, too, see `fits`.
 
         Raises:
             InputError: a robot cannot be used.
         """
         began = time.perf_counter()
-        self.problem = problem
-        self._machinery = Machinery(Cell.of(problem))
+        self.problem, self._movable = problem, movable
+        self._machinery = Machinery(Cell.of(problem, movable=movable))
         self._nominal = self._machinery.setting(self._machinery.cell)
         self.build_s = time.perf_counter() - began
 
-    def __reduce__(self) -> tuple[type[Planner], tuple[Problem]]:
-        return type(self), (self.problem,)
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        return partial(type(self), movable=self._movable), (self.problem,)
+
+    def fits(self, problem: Problem) -> bool:
+        """Whether this planner can solve a problem in place of its own, without building anew.
+
+        It may differ in the object's pose, mass and inertia, in directions, and, where the planner
+        is built ``movable``, in grasps, and in bases where neither bodies nor contacts have limits.
+        """
+        return same_structure(self.problem, problem, movable=self._movable)
+
+    @property
+    def spare(self) -> dict[str, int]:
+        """Degrees of freedom that each arm has to spare while it holds the object, by name."""
+        cell = self._machinery.cell
+        return {arm.name: cell.spare(i) for i, arm in enumerate(cell.arms)}
 
     def compile(self) -> bool:
         """Wait until the kernels are compiled; whether they are in use then.
@@ -87,6 +114,7 @@ class Planner:
     def solve(
         self,
         *,
+        problem: Problem | None = None,
         object_pose: Mapping[str, object] | None = None,
         warm: Solution | Mapping[str, Sequence[float]] | None = None,
         seed: int | None = None,
@@ -98,6 +126,7 @@ class Planner:
         """The posture in which the arms accelerate the object best.
 
         Args:
+            problem: in place of the planner's own, see `fits`.
             object_pose: ``position`` and ``rpy`` (in the plane ``angle``) in place of the file's.
             warm: a posture to go on from, or a result whose ``after`` it is: only the local optimum
                 that it leads to is sought. Where it cannot follow the object, all is searched.
@@ -121,14 +150,18 @@ class Planner:
             raise InputError(f"{seed!r} is no whole number from 0 to 2⁶³ − 1", key="seed")
         if effort not in get_args(EffortName):
             raise InputError(f"{effort!r} is not low, normal or high", key="effort")
+        if problem is not None and not self.fits(problem):
+            raise InputError("differs in more than parameters; build a planner for it")
         began = time.perf_counter()
         with watched(progress, time_limit):
             with sheltered():
-                setting = self._setting(object_pose)
+                setting = self._setting(object_pose, problem)
+            if seed is None:
+                seed = setting.cell.problem.search.seed
             run = Run(
                 machinery=self._machinery,
                 setting=setting,
-                seed=self.problem.search.seed if seed is None else int(seed),
+                seed=int(seed),
                 build_s=self.build_s,
                 began=began,
             )
@@ -148,7 +181,7 @@ class Planner:
     ) -> Solution:
         """The answer of a run from a warm posture, if there is one, or of a search."""
         cell = run.cell
-        free = len(Freedom.of(self.problem)) > 0 or bool(self.problem.cases)
+        free = len(Freedom.of(cell.problem)) > 0 or bool(cell.problem.cases)
         placed = PlacedRun(run) if free else None
         if warm is not None:
             if verify:
@@ -215,10 +248,93 @@ class Planner:
             converged=bool(converged and max(gaps) <= CLOSED),
         )
 
-    def _setting(self, object_pose: Mapping[str, object] | None) -> Setting:
-        if object_pose is None:
+    def _setting(
+        self, object_pose: Mapping[str, object] | None, problem: Problem | None = None
+    ) -> Setting:
+        if object_pose is None and problem is None:
             return self._nominal
-        return self._machinery.setting(self._machinery.cell.moved(object_pose))
+        cell = self._machinery.cell
+        cell = cell if problem is None else cell.at(problem)
+        return self._machinery.setting(cell if object_pose is None else cell.moved(object_pose))
+
+    @one_at_a_time
+    def follow(
+        self, joints: Mapping[str, Sequence[float]], *, problem: Problem | None = None
+    ) -> Followed:
+        """The local optimum that a posture leads to, or by how much arms miss; nothing is searched.
+
+        Args:
+            joints: where the arms are, rad or m, by arm.
+            problem: in place of the planner's own, see `fits`, which is not asked: to be called as
+                often as a hand moves. Nothing but joints may be free in it.
+
+        Raises:
+            InputError: the joints do not fit the arms.
+        """
+        began = time.perf_counter()
+        self._machinery.compiled()
+        setting = self._setting(None, problem)
+        q = setting.cell.given(joints)
+        run = Run(self._machinery, setting, setting.cell.problem.search.seed, self.build_s, began)
+        solution = run.follow(q)
+        gaps = {} if solution is not None else nearest_gaps(self._machinery, setting, q)
+        return Followed(solution, gaps)
+
+    @one_at_a_time
+    def evaluate(
+        self,
+        joints: Mapping[str, Sequence[float]],
+        *,
+        problem: Problem | None = None,
+        everything: bool = False,
+    ) -> Solution:
+        """The measures of a posture, neither projected nor optimised, as ``after``; ``infeasible``
+        where it is open or breaks a limit.
+
+        Args:
+            joints: rad or m, by arm.
+            problem: in place of the planner's own, see `fits`, which is not asked.
+            everything: whether what the problem does not ask for is stated, too, see
+                `copose.evaluate`.
+
+        Raises:
+            InputError: the joints do not fit the arms.
+        """
+        began = time.perf_counter()
+        machinery = self._machinery
+        setting = self._setting(None, problem)
+        cell, objective = setting.cell, setting.objective
+        q = cell.given(joints)
+        measured = machinery.measure(setting, q, everything=everything)
+        fault = next(faults(cell, q, measured), None)
+        return answer(
+            cell,
+            objective,
+            status="solved" if fault is None else "infeasible",
+            reason=fault,
+            after=measured if fault is None else None,
+            miss=None if fault is None else measured,
+            timing=Timing(build_s=self.build_s, search_s=time.perf_counter() - began),
+            links=machinery.links,
+        )
+
+    @one_at_a_time
+    def holding_shares(
+        self, joints: Mapping[str, Sequence[float]], *, problem: Problem | None = None
+    ) -> dict[str, Array] | None:
+        """Share of each joint's torque limit, by arm (n_i,), in the hold at rest whose largest
+        share is smallest; None where a joint has no limit or nothing holds the object.
+
+        Args:
+            joints: rad or m, by arm.
+            problem: in place of the planner's own, see `fits`, which is not asked.
+
+        Raises:
+            InputError: the joints do not fit the arms.
+        """
+        cell = self._setting(None, problem).cell
+        shares = self._machinery.meter.holding_shares(cell, cell.given(joints))
+        return None if shares is None else {name: np.array(mine) for name, mine in shares.items()}
 
     def measure(
         self,
@@ -260,6 +376,114 @@ class Planner:
         if len({len(q) for q in arrays}) > 1:
             raise InputError("the arms have different numbers of postures", key="postures")
         return machinery.measures(setting, arrays)
+
+    @one_at_a_time
+    def self_motion(
+        self,
+        joints: Mapping[str, ArrayLike],
+        arm: str,
+        *,
+        problem: Problem | None = None,
+        known: SelfMotionCurve | None = None,
+    ) -> SelfMotionCurve:
+        """All postures that an arm comes to while the object stands still, and what they are worth.
+
+        Args:
+            joints: a posture that holds the object, by arm.
+            arm: one with one degree of freedom to spare.
+            problem: in place of the planner's own, see `fits`, which is not asked.
+            known: what an earlier call has given at this pose: while the arm is on it only values
+                are computed anew, which takes a fraction of the time.
+
+        Raises:
+            InputError: it has another number, or an arm does not hold the object.
+        """
+        setting, q = self._posture_of(joints, problem)
+        which, before = [self._arm_called(arm)], () if known is None else (known,)
+        seed = self.problem.search.seed
+        return self_motions(self._machinery, setting, q, which, seed, before)[0]
+
+    @one_at_a_time
+    def landscape(
+        self,
+        joints: Mapping[str, ArrayLike],
+        first: str,
+        second: str,
+        *,
+        problem: Problem | None = None,
+        branches: bool = False,
+        known: Landscape | None = None,
+    ) -> Landscape:
+        """The objective over the self-motions of two arms, the others where they are.
+
+        Args:
+            joints: as for `self_motion`.
+            first: an arm with one degree of freedom to spare.
+            second: another.
+            problem: in place of the planner's own, see `fits`, which is not asked.
+            branches: map the other pairs of the arms' self-motions too.
+            known: as for `self_motion`.
+
+        Raises:
+            InputError: as for `self_motion`; or both are one.
+        """
+        setting, q = self._posture_of(joints, problem)
+        arms = self._arm_called(first), self._arm_called(second)
+        if arms[0] == arms[1]:
+            raise InputError(f"two arms are needed, not {first!r} twice", key="second")
+        before = () if known is None else (known.first, known.second)
+        seed = self.problem.search.seed
+        return landscape(self._machinery, setting, q, arms, seed, branches, before)
+
+    @one_at_a_time
+    def null_motion(
+        self,
+        joints: Mapping[str, ArrayLike],
+        arm: str,
+        direction: int,
+        amount: float,
+        *,
+        basis: ArrayLike | None = None,
+        problem: Problem | None = None,
+    ) -> NullMotion:
+        """Where an arm comes to along one of the directions in which it can move by itself.
+
+        Args:
+            joints: a posture that holds the object, by arm.
+            arm: one with degrees of freedom to spare, d of them.
+            direction: from 0 to d − 1, a row of the basis.
+            amount: rad (or m).
+            basis: of the null motion before, (d, n), so that directions do not jump; without it the
+                posture decides them.
+            problem: in place of the planner's own, see `fits`, which is not asked.
+
+        Raises:
+            InputError: there is no such direction, or an arm does not hold the object.
+        """
+        setting, q = self._posture_of(joints, problem)
+        i = self._arm_called(arm)
+        spare, shape = setting.cell.spare(i), (setting.cell.spare(i), setting.cell.arms[i].n)
+        if not 0 <= direction < spare:
+            raise InputError(f"arm {arm!r} has {max(spare, 0)} directions", key="direction")
+        rails = rails_of(self._machinery, setting, [i])
+        here = held_postures(self._machinery, setting, q)[i]
+        before = None if basis is None else np.asarray(basis, dtype=float)
+        if before is not None and before.shape != shape:
+            raise InputError(f"an array of shape {shape} is needed", key="basis")
+        return null_motion(rails, here, direction, amount, null_basis(rails, here, before))
+
+    def _posture_of(
+        self, joints: Mapping[str, ArrayLike], problem: Problem | None
+    ) -> tuple[Setting, list[Array]]:
+        self._machinery.compiled()
+        setting = self._setting(None, problem)
+        return setting, setting.cell.given(joints)
+
+    def _arm_called(self, name: str) -> int:
+        names = [arm.name for arm in self._machinery.cell.arms]
+        if name not in names:
+            raise InputError(f"no arm is called {name!r}{nearest(name, names)}", key="arm")
+        return names.index(name)
 
 
 def solve(

@@ -38,6 +38,7 @@ from copose.results import (
     Solution,
     Timing,
     VerificationRecord,
+    vector,
 )
 
 EffortName: TypeAlias = Literal["low", "normal", "high"]
@@ -496,12 +497,17 @@ class Run:
             best_sample=found.best_sample,
             gap=gap,
             starts=found.starts,
-            local_optima=tuple(Optimum(objective=o.objective, count=o.count) for o in found.optima),
+            local_optima=tuple(self._optimum(each) for each in found.optima),
             failures=tuple(
                 FailureRecord(status=way, count=ways.count(way)) for way in sorted({*ways})
             ),
             verification=verification,
         )
+
+    def _optimum(self, found: LocalOptimum) -> Optimum:
+        parts = enumerate(zip(self.cell.arms, self.cell.system.split(found.q), strict=True))
+        joints = {arm.name: vector(self.cell.folded(i, q)) for i, (arm, q) in parts}
+        return Optimum(objective=found.objective, count=found.count, joints=joints)
 
     def _why(self, found: Found, before: Measurement, within: WithinReach | None) -> str:
         if within is not None:

@@ -91,7 +91,7 @@ class ArmSampler:
         tried = found = 0
         for number in range(batches):
             tried += batch
-            q = loops.closed(self._draw(rng, batch))
+            q = loops.closed(self.draw(rng, batch))
             found += len(q)
             if number == _HOPED and not found and insistence:
                 q, missed, drawn = self._insist(rng, insistence)
@@ -126,7 +126,8 @@ class ArmSampler:
             missed=missed,
         )
 
-    def _draw(self, rng: np.random.Generator, count: int) -> Array:
+    def draw(self, rng: np.random.Generator, count: int) -> Array:
+        """Random postures within limits, closed or not, (count, n)."""
         low, high = finite_range(self.cell.lower[self.i], self.cell.upper[self.i])
         return rng.uniform(low, high, (count, len(low)))
 
@@ -168,7 +169,7 @@ class ArmSampler:
             neighbours=np.zeros((0, 0), dtype=np.intp),
             tried=_DRAWN if insistence else 0,
             branches=0 if self.kernels.n - self.kernels.m <= 1 else None,
-            missed=self._nearest(self._draw(rng, _DRAWN))[0] if insistence else nothing,
+            missed=self._nearest(self.draw(rng, _DRAWN))[0] if insistence else nothing,
             proved=True,
         )
 
@@ -191,14 +192,14 @@ class ArmSampler:
         drawn = ends = np.zeros((0, self.kernels.n))
         gaps = np.zeros(0)
         while len(drawn) < count:
-            more = self._draw(rng, _DRAWN)
+            more = self.draw(rng, _DRAWN)
             drawn = np.vstack([drawn, more])
             q, left = self._nearest(more)
             ends, gaps = np.vstack([ends, q]), np.concatenate([gaps, left])
             if gaps.min() <= _CLOSING or (gaps <= gaps.min() + _ONE).sum() >= _MET:
                 break
         if gaps.min() <= _CLOSING:
-            drawn = np.vstack([drawn, self._draw(rng, max(0, count - len(drawn)))])
+            drawn = np.vstack([drawn, self.draw(rng, max(0, count - len(drawn)))])
             q, left = project(self.kernels, np.vstack([ends, drawn]), self.goal, lower, upper)
             if (left < CLOSED).any():
                 return q[left < CLOSED], ends[:0], len(drawn)

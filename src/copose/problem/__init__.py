@@ -21,15 +21,19 @@ from copose.problem.reading import (
     case_problems,
     check_depth,
     displaced,
+    held,
     is_planar,
     moved,
     parse,
+    placement,
     read_bytes,
     read_tables,
     read_text,
+    tables_in,
 )
 from copose.problem.spaces import SPACES, Space, SpaceName
 from copose.problem.spec import SCHEMA, ConstraintsSpec, PlanarProblem, Problem, SpatialProblem
+from copose.problem.structure import same_structure
 
 __all__ = [
     "SCHEMA",
@@ -60,12 +64,16 @@ __all__ = [
     "case_problems",
     "check_depth",
     "displaced",
+    "held",
     "is_planar",
     "moved",
     "overridden",
     "parse",
+    "placement",
     "read_bytes",
     "read_override",
     "read_tables",
     "read_text",
+    "same_structure",
+    "tables_in",
 ]

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from copose.errors import InputError
+from copose.poses import Pose
 from copose.problem.aims import (
     AccelerationObjective,
     TaskCompatibilityObjective,
@@ -55,7 +56,15 @@ def read_tables(file: Path) -> dict[str, Any]:
     Raises:
         InputError: it cannot be read, or is not TOML.
     """
-    text = read_text(file)
+    return tables_in(read_text(file), file)
+
+
+def tables_in(text: str, file: Path | None = None) -> dict[str, Any]:
+    """The tables of a TOML text, which is a file's.
+
+    Raises:
+        InputError: it is not TOML.
+    """
     try:
         return tomllib.loads(text)
     except RecursionError:
@@ -127,6 +136,23 @@ def moved(problem: Problem, place: Mapping[str, Any]) -> Problem:
     return _with(problem, {"object": there})
 
 
+def placement(given: Mapping[str, Any], *, planar: bool) -> Pose:
+    """A pose as a problem file has it.
+
+    Args:
+        given: ``position`` and ``rpy`` or ``quaternion``, in the plane ``angle``.
+        planar: whether it is in the plane.
+
+    Raises:
+        InputError: it is no place.
+    """
+    model = PlanarPlacement if planar else Placement
+    try:
+        return model.model_validate(_as_tuples(given)).pose
+    except ValidationError as error:
+        raise explain(error, model, None) from None
+
+
 def displaced(problem: Problem, offsets: Mapping[str, float]) -> Problem:
     """The same problem with its object displaced by x, y, z, m, and roll, pitch, yaw, rad."""
     if not offsets:
@@ -166,6 +192,21 @@ def case_problems(problem: Problem) -> tuple[Problem, ...]:
         update = {"object": thing.model_copy(update=update), "objective": objective}
         found.append(_with(problem, update))
     return tuple(found)
+
+
+def held(problem: Problem, case: str = "") -> Problem:
+    """A problem, or one of its cases by name, with all but joints where the file has it."""
+    if problem.cases:
+        names = [each.name for each in problem.cases]
+        problem = case_problems(problem)[names.index(case)]
+    thing = problem.object
+    arms = (arm.model_copy(update={"freedom": type(arm.freedom)()}) for arm in problem.arms)
+    update: dict[str, object] = {
+        "cases": (),
+        "object": thing.model_copy(update={"freedom": type(thing.freedom)()}),
+        "arms": tuple(arms),
+    }
+    return _with(problem, update)
 
 
 def _with(problem: Problem, update: Mapping[str, object]) -> Problem:

@@ -98,10 +98,15 @@ def _is(text: str, model: type[Motion]) -> bool:
 def write_file(path: Path, content: bytes) -> None:
     """Write a file beside its place and rename it there, once it is on the disk.
 
+    What is there and is no file, such as ``/dev/stdout`` or a pipe, is written to as it is.
+
     Raises:
         InputError: the place cannot be written.
     """
     try:
+        if path.exists() and not path.is_file() and not path.is_dir():
+            path.write_bytes(content)
+            return
         path.parent.mkdir(parents=True, exist_ok=True)
         with _swept(path.parent):
             handle, name = tempfile.mkstemp(

@@ -194,10 +194,17 @@ class ObjectiveRecord(Record):
 
 
 class Optimum(Record):
-    """A distinct local optimum and how many polished starts ended in it."""
+    """A distinct local optimum.
+
+    Attributes:
+        objective: its value.
+        count: polished starts that ended in it.
+        joints: where, rad or m, by arm; null where more than joints is free.
+    """
 
     objective: Finite
     count: int
+    joints: dict[str, Vector] | None = None
 
 
 class SampleRecord(Record):

@@ -1,6 +1,6 @@
 """Each arm as plain numbers: joints, placements, inertias, limits."""
 
-from copose.robots.arm import Arm, Body, Joint, finite_range
+from copose.robots.arm import Arm, Body, Joint, finite_range, freed
 from copose.robots.loading import WholeRobot, load_arms, whole_robots
 from copose.robots.start import ArmStart
 
@@ -11,6 +11,7 @@ __all__ = [
     "Joint",
     "WholeRobot",
     "finite_range",
+    "freed",
     "load_arms",
     "whole_robots",
 ]
