@@ -10,6 +10,7 @@ rest are marked ``long``, as tests are that take minutes: ``pytest -m long`` run
 import os
 import random
 from collections import defaultdict
+from collections.abc import Iterator
 
 # Workers side by side would each let BLAS wait for threads that have no core.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -17,6 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import pytest
 from hypothesis import settings
 
+import browser
 from copose import kernels
 
 if os.environ.setdefault("COPOSE_COMPILE", "0") != "0":
@@ -39,3 +41,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for k, item in enumerate(family):
             if k not in drawn:
                 item.add_marker(pytest.mark.long)
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[browser.Chromium]:
+    """A headless browser; without one the tests that ask for it are left out."""
+    path = browser.program()
+    if path is None:
+        pytest.skip("no chromium or google-chrome on this machine: browser tests are left out")
+    with browser.running(path) as run:
+        yield run

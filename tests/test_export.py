@@ -348,7 +348,7 @@ def test_the_command_writes_beside_the_result(tmp_path: Path, capsys) -> None:
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["--to", "html"], "argument --to: invalid choice: 'html' (choose from "),
+        (["--to", "gif"], "argument --to: invalid choice: 'gif' (choose from "),
         ([], "the following arguments are required: --to"),
         (["--to", "csv", "-o", "{file}"], "is read; the export needs a file of its own"),
         (["--to", "csv"], "has no posture to export, it is infeasible: arms are short"),

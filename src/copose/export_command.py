@@ -8,7 +8,7 @@ from pathlib import Path
 
 from copose.errors import InputError
 
-TO = ("moveit", "srdf", "mujoco", "ros", "csv")
+TO = ("moveit", "srdf", "mujoco", "ros", "csv", "html")
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -16,11 +16,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument("result", type=Path, metavar="RESULT.json", help="of solve or path")
     command.add_argument(
         "--to", choices=TO, required=True,
-        help="RobotState, group_state, keyframe, JointState or JointTrajectory, or a table",
+        help="RobotState, group_state, keyframe, JointState or JointTrajectory, a table, or a page",
     )  # fmt: skip
     command.add_argument(
         "--problem", type=Path, metavar="PROBLEM.toml",
-        help="for mujoco, in place of the file that the result names",
+        help="for mujoco and html, in place of the file that the result names",
     )  # fmt: skip
     command.add_argument("--case", metavar="NAME", help="whose posture (default: the first case's)")
     command.add_argument(
@@ -56,7 +56,9 @@ def export_result(arguments: argparse.Namespace) -> tuple[Path, str]:
     if any(file.resolve() == one.resolve() for one in (source, arguments.problem) if one):
         raise InputError("is read; the export needs a file of its own", file=file)
     write_file(file, text.encode())
-    return file, "" if arguments.to in ("csv", "mujoco") else _shared_names(result.joint_names)
+    return file, "" if arguments.to in ("csv", "mujoco", "html") else _shared_names(
+        result.joint_names
+    )
 
 
 def _shared_names(names: Mapping[str, Sequence[str]]) -> str:

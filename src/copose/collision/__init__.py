@@ -9,14 +9,17 @@ from copose.collision.carriers import (
     configurations,
     joint_columns,
 )
+from copose.collision.mesh_files import MeshFile, UnreadableError
 from copose.collision.outlines import Outline, link_outlines
-from copose.collision.scene import Scene, link_solids
-from copose.collision.solids import Mesh, Part, Primitive, Solid
+from copose.collision.scene import Scene, link_looks, link_solids
+from copose.collision.solids import LinkLook, Mesh, Part, Primitive, Solid
 
 __all__ = [
     "Bodies",
     "Carrier",
+    "LinkLook",
     "Mesh",
+    "MeshFile",
     "Nearest",
     "Outline",
     "Part",
@@ -25,11 +28,13 @@ __all__ = [
     "Primitive",
     "Scene",
     "Solid",
+    "UnreadableError",
     "Witness",
     "carrier_poses",
     "carriers_of",
     "configurations",
     "joint_columns",
+    "link_looks",
     "link_outlines",
     "link_solids",
 ]

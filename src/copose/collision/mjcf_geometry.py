@@ -18,6 +18,8 @@ from copose.robots.tree import Tree
 
 # How often the triangles of an octahedron are quartered for an ellipsoid: it then has 512.
 _QUARTERED = 3
+# Geoms from this group on MuJoCo's viewer hides.
+_HIDDEN = 3
 
 
 def mjcf_geometry(tree: Tree) -> Geometry:
@@ -50,6 +52,25 @@ def mjcf_geometry(tree: Tree) -> Geometry:
             "matters of them as obstacles"
         )
     return Geometry(parts, faults, notes)
+
+
+def mjcf_looks(tree: Tree) -> dict[str, tuple[tuple[Part, ...], ...]]:
+    """What can be shown of a model's bodies, by name: geoms that nothing touches and that
+    MuJoCo's own viewer shows, else all that it shows, else all.
+    """
+    reader = _Reader(tree.model)
+    m = tree.model
+    geoms = [g for g in range(m.ngeom) if not reader.is_ground(g)]
+    shown = [g for g in geoms if m.geom_group[g] < _HIDDEN and m.geom_rgba[g][3] > 0]
+    pure = set(shown) - set(reader.touching)
+    found = {}
+    for link, body in tree.bodies.items():
+        choices = []
+        for some in ([g for g in shown if g in pure], shown, geoms):
+            own = [(reader.shape(g), reader.place(g)) for g in some if m.geom_bodyid[g] == body]
+            choices.append(tuple(Part(shape, pose) for shape, pose in own if shape is not None))
+        found[link] = tuple(choices)
+    return found
 
 
 def kept_apart(tree: Tree) -> tuple[set[tuple[str, str]], set[tuple[str, str]]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +12,9 @@ import numpy as np
 from copose.collision.carriers import Carrier
 from copose.collision.ignored import ignored_links
 from copose.collision.link_shapes import LinkShapes
-from copose.collision.solids import LinkSolids, Solid
+from copose.collision.mjcf_geometry import mjcf_looks
+from copose.collision.solids import LinkLook, LinkSolids, Solid
+from copose.collision.urdf_geometry import urdf_looks
 from copose.errors import InputError, arm_key, together
 from copose.poses import Array, Pose
 from copose.problem import Problem, RobotArm
@@ -56,14 +59,17 @@ class _Team:
     """The arms of one robot: one file at one base.
 
     Attributes:
-        tree: what its file says.
-        shapes: of its links.
+        robot: its file, read.
         members: its arms, in file order.
     """
 
-    tree: Tree
-    shapes: LinkShapes
+    robot: Robot
     members: list[_Member]
+
+    @property
+    def tree(self) -> Tree:
+        """What its file says."""
+        return self.robot.tree
 
     def takes(self, tree: Tree, member: _Member) -> bool:
         """Whether an arm is one of this robot."""
@@ -71,22 +77,23 @@ class _Team:
             np.allclose(_rows(self.members[0].origin), _rows(member.origin), rtol=0, atol=1e-9)
         )
 
-    def solids(self) -> list[Solid]:
-        """The links with a shape, the static ones in the root frame of the robot's first arm.
+    def places(self, links: Collection[str]) -> dict[str, tuple[str, Carrier, Pose]]:
+        """Whose some links are, what moves each and where it is there, the static ones in the root
+        frame of the robot's first arm.
 
         Raises:
             InputError: where one is cannot be read.
         """
         first, tree = self.members[0], self.tree
         held = tree.standing(self._locked())
-        needed = {j.name: j for link in self.shapes.parts for j in tree.ancestors(link)}
+        needed = {j.name: j for link in links for j in tree.ancestors(link)}
         faults = [fault for fault in joint_faults(list(needed.values()), (), held) if fault]
         if faults:
             raise InputError(together(faults), key=arm_key(first.number, first.arm.name))
         standing = tree.placed(held.at)
         universe = standing[first.root][1].inverse()
-        found = []
-        for link, parts in self.shapes.parts.items():
+        found = {}
+        for link in links:
             name, carrier = first.arm.name, Carrier("root", first.number)
             pose = universe @ standing[link][1]
             for member in self.members:
@@ -95,20 +102,31 @@ class _Team:
                     j = member.arm.joint_names.index(mover)
                     name, carrier = member.arm.name, Carrier("joint", member.number, j)
                     pose = place
-            found.append(Solid(f"{name}/{link}", carrier, pose, parts))
+            found[link] = name, carrier, pose
+        return found
+
+    def solids(self, shapes: LinkShapes) -> list[Solid]:
+        """The links with a shape, the static ones first.
+
+        Raises:
+            InputError: where one is cannot be read.
+        """
         return sorted(
-            found,
+            (
+                Solid(f"{name}/{link}", carrier, pose, shapes.parts[link])
+                for link, (name, carrier, pose) in self.places(shapes.parts).items()
+            ),
             key=lambda solid: (not solid.carrier.static, solid.carrier.arm, solid.carrier.joint),
         )
 
-    def mounts(self) -> set[tuple[int, str]]:
+    def mounts(self, links: Collection[str]) -> set[tuple[int, str]]:
         """(arm, name) of the static solids that are one body with what joint 0 hangs on."""
         tree = self.tree
         hangs_on = {joint.name: joint.parent for joint in tree.joints.values()}
         found = set()
         for member in self.members:
             body = _anchor(tree, hangs_on[member.arm.joint_names[0]])
-            for link in self.shapes.parts:
+            for link in links:
                 if _anchor(tree, link) == body:
                     found.add((member.number, f"{self.members[0].arm.name}/{link}"))
         return found
@@ -127,43 +145,74 @@ def robot_solids(problem: Problem, arms: Sequence[Arm]) -> LinkSolids:
     Raises:
         InputError: a robot cannot be read, or gives no shape to any link that an arm moves.
     """
-    folder = problem.source.parent if problem.source is not None else Path()
-    robots: RobotsRead = {}
-    shapes: dict[Robot, LinkShapes] = {}
-    teams: list[_Team] = []
-    for i, (spec, arm) in enumerate(zip(problem.arms, arms, strict=True)):
-        if not isinstance(spec, RobotArm):
-            continue
-        robot = read_robot(spec, folder, arm_key(i, arm.name), robots)
-        if robot not in shapes:
-            shapes[robot] = LinkShapes.of(robot)
-        member = _Member.of(i, spec, arm, robot.tree)
-        team = next((team for team in teams if team.takes(robot.tree, member)), None)
-        if team is None:
-            team = _Team(robot.tree, shapes[robot], [])
-            teams.append(team)
-        team.members.append(member)
+    teams = _teams(problem, arms)
+    shapes = {robot: LinkShapes.of(robot) for robot in dict.fromkeys(t.robot for t in teams)}
     solids: list[Solid] = []
     mounts: set[tuple[int, str]] = set()
     ignored: set[frozenset[str]] = set()
     notes: list[str] = []
     for team in teams:
-        found = team.solids()
+        own = shapes[team.robot]
+        found = team.solids(own)
         solids += found
-        mounts |= team.mounts()
+        mounts |= team.mounts(own.parts)
         names = {solid.name.partition("/")[2]: solid.name for solid in found}
         pairs, said = ignored_links(
             team.tree, {member.number: problem.arms[member.number] for member in team.members}
         )
         notes += said
         ignored |= {frozenset((names[a], names[b])) for a, b in pairs if a in names and b in names}
-        if problem.constraints.collision and team.shapes.faults:
-            raise _unreadable(team)
+        if problem.constraints.collision and own.faults:
+            raise _unreadable(team, own)
         for member in team.members:
             if not any(s.carrier.kind == "joint" and s.carrier.arm == member.number for s in found):
                 raise _without_shape(team, member)
     notes += [note for links in shapes.values() for note in (*links.notes, *links.large)]
     return LinkSolids(tuple(solids), frozenset(mounts), frozenset(ignored), tuple(notes))
+
+
+def robot_looks(problem: Problem, arms: Sequence[Arm]) -> list[LinkLook]:
+    """What can be shown of the links of a problem's robots; of robots whose links cannot be placed
+    nothing. No mesh file of a URDF is read yet.
+
+    Raises:
+        InputError: a robot cannot be read.
+    """
+    teams = _teams(problem, arms)
+    looks = {
+        robot: mjcf_looks(robot.tree) if robot.tree.model else urdf_looks(robot)
+        for robot in dict.fromkeys(team.robot for team in teams)
+    }
+    found = []
+    for team in teams:
+        choices = {link: some for link, some in looks[team.robot].items() if any(some)}
+        with contextlib.suppress(InputError):
+            for link, (_, carrier, pose) in team.places(choices).items():
+                shared = carrier.kind == "root" and len(team.members) > 1
+                found.append(LinkLook(link, carrier, pose, choices[link], shared))
+    return found
+
+
+def _teams(problem: Problem, arms: Sequence[Arm]) -> list[_Team]:
+    """The robots of a problem, each file read once.
+
+    Raises:
+        InputError: one cannot be read.
+    """
+    folder = problem.source.parent if problem.source is not None else Path()
+    robots: RobotsRead = {}
+    teams: list[_Team] = []
+    for i, (spec, arm) in enumerate(zip(problem.arms, arms, strict=True)):
+        if not isinstance(spec, RobotArm):
+            continue
+        robot = read_robot(spec, folder, arm_key(i, arm.name), robots)
+        member = _Member.of(i, spec, arm, robot.tree)
+        team = next((team for team in teams if team.takes(robot.tree, member)), None)
+        if team is None:
+            team = _Team(robot, [])
+            teams.append(team)
+        team.members.append(member)
+    return teams
 
 
 def large_links(problem: Problem) -> tuple[str, ...]:
@@ -177,13 +226,13 @@ def large_links(problem: Problem) -> tuple[str, ...]:
     return tuple(dict.fromkeys(note for links in shapes for note in links.large))
 
 
-def _unreadable(team: _Team) -> InputError:
+def _unreadable(team: _Team, shapes: LinkShapes) -> InputError:
     first = team.members[0]
-    faults = [f"link {link!r}: {why}" for link, why in team.shapes.faults.items()]
-    if team.shapes.missing:
+    faults = [f"link {link!r}: {why}" for link, why in shapes.faults.items()]
+    if shapes.missing:
         # Links fall with their package: where it was looked for says more than all their names.
         more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
-        faults = [f"{faults[0]}{more}; {team.shapes.missing[0]}"]
+        faults = [f"{faults[0]}{more}; {shapes.missing[0]}"]
     return InputError(
         f"collision needs shapes of {team.tree.file.name} that cannot be read: {together(faults)}",
         key=f"{arm_key(first.number, first.arm.name)}.{first.kind}",

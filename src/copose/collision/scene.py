@@ -11,7 +11,7 @@ import numpy as np
 from copose.collision.bodies import Bodies
 from copose.collision.carriers import OBJECT, WORLD, Carrier, configurations
 from copose.collision.pairs import possible_pairs
-from copose.collision.solids import LinkSolids, Part, Primitive, Solid
+from copose.collision.solids import LinkLook, LinkSolids, Part, Primitive, Solid
 from copose.errors import InputError
 from copose.poses import Array, Indices, Mask, Pose
 from copose.problem import PlanarArm, Problem
@@ -91,6 +91,22 @@ def link_solids(problem: Problem, arms: Sequence[Arm]) -> LinkSolids:
     from copose.collision.robot_solids import robot_solids
 
     return robot_solids(problem, arms)
+
+
+def link_looks(problem: Problem, arms: Sequence[Arm]) -> list[LinkLook]:
+    """What can be shown of the links of all arms; no mesh file is read yet.
+
+    Raises:
+        InputError: a robot cannot be read.
+    """
+    if problem.space.planar:
+        return [
+            LinkLook(solid.name.rpartition("/")[2], solid.carrier, solid.placement, (solid.parts,))
+            for solid in link_solids(problem, arms).solids
+        ]
+    from copose.collision.robot_solids import robot_looks
+
+    return robot_looks(problem, arms)
 
 
 def _planar_links(spec: PlanarArm, arm: int) -> Iterator[Solid]:

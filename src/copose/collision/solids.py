@@ -284,3 +284,22 @@ class LinkSolids:
     mounts: frozenset[tuple[int, str]] = frozenset()
     ignored: frozenset[frozenset[str]] = frozenset()
     notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class LinkLook:
+    """What may be shown of a link.
+
+    Attributes:
+        name: the link's.
+        carrier: what moves it.
+        placement: the link's frame in the carrier's.
+        choices: shapes in the link's frame, the best first; a mesh file need not be readable.
+        shared: whether several arms stand on it.
+    """
+
+    name: str
+    carrier: Carrier
+    placement: Pose
+    choices: tuple[tuple[Part, ...], ...]
+    shared: bool = False

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
-import math
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
-
-import numpy as np
+from typing import Literal
 
 from copose.collision.geometry import Geometry, listed, only_visual
+from copose.collision.mesh_files import MeshFile, UnreadableError, loaded_mesh
 from copose.collision.solids import Mesh, Part, Primitive, Shape
 from copose.errors import InputError, shown
 from copose.robots.paths import PACKAGE, MissingPackageError, resolve
@@ -21,10 +18,6 @@ from copose.robots.urdf_tree import numbers, placement
 
 _FILE = "file://"
 _VISUAL = "tested by visual geometry, for no collision geometry can be read"
-
-
-class _UnreadableError(Exception):
-    """Why an element gives no shape."""
 
 
 def urdf_geometry(robot: Robot, *, measured: bool) -> Geometry:
@@ -45,7 +38,9 @@ def urdf_geometry(robot: Robot, *, measured: bool) -> Geometry:
         tag = "visual"
         if any(link.find("visual") is not None for link in links.values()):
             notes.append(only_visual(tree.file))
-    reader = _Reader(tree.file, robot.packages, measured)
+    reader = _Reader(
+        tree.file, robot.packages, lambda file, scale: Mesh(loaded_mesh(file, scale, measured))
+    )
     parts: dict[str, tuple[Part, ...]] = {}
     faults: dict[str, str] = {}
     instead: dict[str, str] = {}
@@ -64,13 +59,26 @@ def urdf_geometry(robot: Robot, *, measured: bool) -> Geometry:
     return Geometry(parts, faults, notes, missing)
 
 
+def urdf_looks(robot: Robot) -> dict[str, tuple[tuple[Part, ...], ...]]:
+    """What can be shown of a URDF's links, by name: visual elements, else collision elements.
+
+    No mesh file is read yet; elements that name none are left out.
+    """
+    reader = _Reader(robot.tree.file, robot.packages, MeshFile)
+    return {
+        name: tuple(reader.read(link.element, tag)[0] for tag in ("visual", "collision"))
+        for name, link in robot.tree.links.items()
+        if link.element is not None
+    }
+
+
 @dataclass(frozen=True, eq=False)
 class _Reader:
     """Reads elements of one URDF, every mesh file once."""
 
     file: Path
     packages: Mapping[str, Path]
-    measured: bool
+    mesh: Callable[[Path, tuple[float, ...]], Mesh]
     meshes: dict[tuple[Path, tuple[float, ...]], Mesh] = field(default_factory=dict)
     missing: set[str] = field(default_factory=set)
 
@@ -80,7 +88,7 @@ class _Reader:
         for element in link.findall(tag):
             try:
                 part = self._part(element)
-            except _UnreadableError as error:
+            except UnreadableError as error:
                 why = why or str(error)
             else:
                 parts += [part] if part is not None else []
@@ -90,14 +98,14 @@ class _Reader:
         """The shape of an element and where it is; None of one without any extent."""
         geometry = element.find("geometry")
         if geometry is None or not len(geometry):
-            raise _UnreadableError("no geometry")
+            raise UnreadableError("no geometry")
         try:
             shape, pose = self._shape(geometry[0]), placement(element)
         except ValueError as error:
-            raise _UnreadableError(str(error)) from None
+            raise UnreadableError(str(error)) from None
         if isinstance(shape, Primitive) and min(shape.size) == 0:
             if any(shape.size):
-                raise _UnreadableError(f"a {shape.kind} has no extent: {shown(shape.size)}")
+                raise UnreadableError(f"a {shape.kind} has no extent: {shown(shape.size)}")
             return None
         return Part(shape, pose)
 
@@ -113,7 +121,7 @@ class _Reader:
             if element.tag == kind:
                 size = (*_lengths(element, "radius", 1), *_lengths(element, "length", 1))
                 return Primitive("cylinder" if kind == "cylinder" else "capsule", size)
-        raise _UnreadableError(f"unknown geometry {shown(element.tag)}")
+        raise UnreadableError(f"unknown geometry {shown(element.tag)}")
 
     def _mesh(self, name: str, scale: tuple[float, ...]) -> Mesh:
         file = None
@@ -122,9 +130,9 @@ class _Reader:
         except MissingPackageError as error:
             self.missing.add(error.message)
         if file is None:
-            raise _UnreadableError(f"mesh {shown(name)} was not found")
+            raise UnreadableError(f"mesh {shown(name)} was not found")
         if (file, scale) not in self.meshes:
-            self.meshes[file, scale] = Mesh(_loaded(file, scale, self.measured))
+            self.meshes[file, scale] = self.mesh(file, scale)
         return self.meshes[file, scale]
 
 
@@ -151,45 +159,8 @@ def mesh_file(name: str, urdf: Path, packages: Mapping[str, Path]) -> Path | Non
         return None
 
 
-def _loaded(file: Path, scale: tuple[float, ...], measured: bool) -> Any:
-    import coal
-
-    factors = np.array(scale) * _unit(file)
-    try:
-        boxes = coal.NODE_TYPE.BV_AABB if measured else coal.NODE_TYPE.BV_OBBRSS
-        mesh = coal.MeshLoader(boxes).load(str(file), factors)
-    except (ValueError, RuntimeError):
-        mesh = None
-    if mesh is None or not mesh.num_tris or not np.all(np.isfinite(mesh.vertices())):
-        raise _UnreadableError(f"{file.name} is no mesh that can be read")
-    return mesh
-
-
-def _unit(file: Path) -> float:
-    """The unit of length that a Collada file declares, m; other formats have none.
-
-    coal passes over it, and over the axis that points up; ROS heeds the first and not the second.
-    """
-    text = "1"
-    with contextlib.suppress(ET.ParseError, OSError), file.open("rb") as content:
-        root = ""
-        for event, element in ET.iterparse(content, ("start", "end")):
-            tag = element.tag.rpartition("}")[2]
-            root = root or tag
-            if root != "COLLADA":
-                break
-            if event == "end" and tag == "asset":
-                unit = element.find("{*}unit")
-                text = unit.get("meter", "1") if unit is not None else "1"
-                break
-    with contextlib.suppress(ValueError):
-        if 0 < float(text) < math.inf:
-            return float(text)
-    raise _UnreadableError(f"the unit of {file.name} is {shown(text)}; so many metres are needed")
-
-
 def _lengths(element: ET.Element, key: str, count: int) -> tuple[float, ...]:
     values = numbers(element, key, count)
     if min(values) < 0:
-        raise _UnreadableError(f"{key} is {shown(element.get(key))}")
+        raise UnreadableError(f"{key} is {shown(element.get(key))}")
     return values

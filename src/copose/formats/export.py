@@ -9,6 +9,7 @@ from pathlib import Path
 from copose.errors import InputError, nearest
 from copose.formats.keyframes import keyframes_xml
 from copose.formats.moveit import robot_state_yaml, robot_trajectory_yaml
+from copose.formats.pages import motion_page, posture_page
 from copose.formats.postures import ExportedPosture
 from copose.formats.ros import joint_state_yaml, joint_trajectory_yaml
 from copose.formats.srdf import group_state_srdf
@@ -25,27 +26,39 @@ class Format:
         posture_file: what the file of a posture is called.
         posture: its text.
         motion_file: of a motion; empty where there are none in this format.
-        motion: its text.
+        motion: its text, of a problem too where that is needed.
         planar: whether arms that have no robot file can be written.
     """
 
     posture_file: str
     posture: Callable[[ExportedPosture], str]
     motion_file: str = ""
-    motion: Callable[[Motion], str] | None = None
+    motion: Callable[[Motion, Problem | None], str] | None = None
     planar: bool = False
+
+
+def _alone(write: Callable[[Motion], str]) -> Callable[[Motion, Problem | None], str]:
+    """A way to write a motion that needs no problem."""
+    return lambda motion, _problem: write(motion)
 
 
 FORMATS = {
     "moveit": Format(
-        "robot_state.yaml", robot_state_yaml, "robot_trajectory.yaml", robot_trajectory_yaml
+        "robot_state.yaml", robot_state_yaml, "robot_trajectory.yaml", _alone(robot_trajectory_yaml)
     ),
     "srdf": Format("group_state.srdf", group_state_srdf),
     "mujoco": Format("keyframe.xml", keyframes_xml),
     "ros": Format(
-        "joint_state.yaml", joint_state_yaml, "trajectory.yaml", joint_trajectory_yaml, planar=True
+        "joint_state.yaml",
+        joint_state_yaml,
+        "trajectory.yaml",
+        _alone(joint_trajectory_yaml),
+        planar=True,
     ),
-    "csv": Format("posture.csv", posture_csv, "trajectory.csv", trajectory_csv, planar=True),
+    "csv": Format(
+        "posture.csv", posture_csv, "trajectory.csv", _alone(trajectory_csv), planar=True
+    ),
+    "html": Format("posture.html", posture_page, "motion.html", motion_page, planar=True),
 }
 
 
@@ -62,10 +75,10 @@ def export(
     Args:
         result: with ``after``, ``cases`` or ``knots``.
         to: moveit (RobotState or RobotTrajectory), srdf (group_state), mujoco (keyframe), ros
-            (JointState or JointTrajectory) or csv.
+            (JointState or JointTrajectory), csv, or html (a page to look at).
         path: of the file.
-        problem: that was solved, which mujoco needs; else it is read from the file that the
-            result names.
+        problem: that was solved, which mujoco and html need; else it is read from the file that
+            the result names.
         case: whose posture it is, of several; else the first.
 
     Raises:
@@ -90,7 +103,7 @@ def exported_text(
         raise InputError(f"is a motion, and {to} holds one posture; allowed: {legal}")
     if case is not None:
         raise InputError(f"no case is called {case!r}: a motion has no cases", key="cases")
-    return made.motion(result)
+    return made.motion(result, problem)
 
 
 def usual_name(result: Solution | Motion, to: str) -> str:

@@ -9,11 +9,10 @@ import numpy as np
 
 from copose.errors import InputError, arm_key
 from copose.formats.markup import xml_text
-from copose.formats.postures import ExportedPosture
-from copose.loader import load
+from copose.formats.postures import ExportedPosture, problem_of
 from copose.poses import Array
-from copose.problem import Problem, RobotArm
-from copose.results import Posture, Solution
+from copose.problem import RobotArm
+from copose.results import Posture
 from copose.robots import Arm, WholeRobot, whole_robots
 
 # What frames of one posture may be apart by, m.
@@ -32,7 +31,7 @@ def keyframes_xml(exported: ExportedPosture) -> str:
             model.
     """
     solution = exported.solution
-    problem = _problem(solution) if exported.problem is None else exported.problem
+    problem = problem_of(solution, exported.problem, "mujoco")
     for i, spec in enumerate(problem.arms):
         if not isinstance(spec, RobotArm) or spec.mjcf is None:
             raise InputError(
@@ -61,19 +60,6 @@ def keyframes_xml(exported: ExportedPosture) -> str:
         keyframe.append(ET.Comment(said))
         ET.SubElement(keyframe, "key", name=_unused(name, robot), qpos=_qpos(robot, exported))
     return xml_text(root)
-
-
-def _problem(solution: Solution) -> Problem:
-    file = solution.problem.file
-    if file is None:
-        raise InputError("names no problem file; mujoco needs the problem", key="problem.file")
-    try:
-        return load(file)
-    except InputError as error:
-        if str(error.file) != file:
-            raise
-        text = f"{error.message} (the result names this file; --problem names another)"
-        raise InputError(text, key=error.key, file=file) from None
 
 
 def _agrees(arm: Arm, posture: Posture) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from copose.errors import InputError, nearest
+from copose.loader import load
 from copose.problem import Problem
 from copose.results import Knot, Motion, Posture, Solution
 
@@ -39,6 +40,31 @@ class ExportedPosture:
         if found is None:
             raise InputError(f"has no posture to export, it is {solution.status}{_why(solution)}")
         return cls(solution, found, problem)
+
+
+def problem_of(result: Solution | Motion, given: Problem | None, to: str) -> Problem:
+    """The problem of a result: the one given, else that of the file which the result names.
+
+    Args:
+        result: whose.
+        given: one in its place.
+        to: the format that needs it.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    file = result.problem.file
+    if given is not None:
+        return given
+    if file is None:
+        raise InputError(f"names no problem file; {to} needs the problem", key="problem.file")
+    try:
+        return load(file)
+    except InputError as error:
+        if str(error.file) != file:
+            raise
+        text = f"{error.message} (the result names this file; --problem names another)"
+        raise InputError(text, key=error.key, file=file) from None
 
 
 def knots(motion: Motion) -> Iterable[tuple[float, Knot]]:

@@ -1,0 +1,107 @@
+"""Directions that a problem asks for, as arrows at the object."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from copose.poses import Array, Pose
+from copose.problem import (
+    AccelerationObjective,
+    PayloadObjective,
+    Problem,
+    TaskCompatibilityObjective,
+)
+from copose.report import style
+from copose.viewer.meshes import creased
+from copose.viewer.names import node
+from copose.viewer.robots import rgb
+from copose.viewer.solids import arrow, round_arrow, turned_to
+
+if TYPE_CHECKING:
+    from viser import FrameHandle, MeshHandle, SceneApi
+
+# Length of an arrow, as a share of the scene.
+_SHARE = 0.28
+# Radius of one that goes round, alike.
+_ROUND = 0.1
+
+
+def directions_of(problem: Problem) -> tuple[tuple[float, ...], ...]:
+    """The directions that a problem's objective names, as in the file."""
+    objective = problem.objective
+    if isinstance(objective, TaskCompatibilityObjective):
+        return tuple(each.direction for each in objective.directions)
+    if isinstance(objective, AccelerationObjective):
+        return objective.wanted
+    if isinstance(objective, PayloadObjective) and objective.direction is not None:
+        return (objective.direction,)
+    return ()
+
+
+class Aims:
+    """Arrows along directions, straight for their linear and round for their angular part.
+
+    Nodes: ``/directions/linear/1`` … at the object, ``/directions/angular/1`` … where the angular
+    ellipsoid is.
+
+    Attributes:
+        tops: the nodes above the linear and the angular arrows, which carry them.
+    """
+
+    def __init__(self, scene: SceneApi, problem: Problem) -> None:
+        self._scene = scene
+        coordinates = problem.space.coordinates
+        self._whole = tuple(coordinates)
+        self._axes = tuple(coordinates[i] for i in problem.axes)
+        self.tops: dict[str, FrameHandle] = {
+            kind: scene.add_frame(node("directions", kind), show_axes=False)
+            for kind in ("linear", "angular")
+        }
+        self._wanted: tuple[tuple[float, ...], ...] = ()
+        self._arrows: list[tuple[str, MeshHandle]] = []
+        self._lengths = {"linear": 0.3, "angular": 0.1}
+
+    def point(self, directions: Sequence[Sequence[float]]) -> None:
+        """Draw arrows along task vectors, over all coordinates or over the objective's axes."""
+        wanted = tuple(tuple(direction) for direction in directions)
+        if wanted == self._wanted:
+            return
+        self._wanted = wanted
+        for _, old in self._arrows:
+            old.remove()
+        self._arrows = []
+        for number, direction in enumerate(directions):
+            for kind, along in self._parts(direction):
+                made = creased(arrow() if kind == "linear" else round_arrow())
+                pose = Pose.from_rotation(turned_to(along))
+                handle = self._scene.add_mesh_simple(
+                    node("directions", kind, str(number + 1)),
+                    made.vertices,
+                    made.faces,
+                    color=rgb(style.INK),
+                    scale=self._lengths[kind],
+                    cast_shadow=False,
+                    receive_shadow=False,
+                    wxyz=pose.quaternion,
+                )
+                self._arrows.append((kind, handle))
+
+    def fit(self, size: float) -> None:
+        """Give arrows their lengths in a scene of a size, m."""
+        self._lengths = {"linear": _SHARE * size, "angular": _ROUND * size}
+        for kind, handle in self._arrows:
+            handle.scale = self._lengths[kind]
+
+    def _parts(self, direction: Sequence[float]) -> Iterator[tuple[str, Array]]:
+        """The linear and the angular part of a task vector, each where it is not zero, (3,)."""
+        names = self._whole if len(direction) == len(self._whole) else self._axes
+        for kind, world in (("linear", style.LINEAR_AXES), ("angular", style.ANGULAR_AXES)):
+            along = np.zeros(3)
+            for name, value in zip(names, direction, strict=True):
+                if name in world:
+                    along[world[name]] = value
+            if np.any(along):
+                yield kind, along

@@ -1,0 +1,102 @@
+"""Hands and grasps in a scene: their axes, and a line where a hand misses its grasp."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from copose.poses import Array, Pose
+from copose.report import style
+from copose.results import Posture
+from copose.robots import Arm
+from copose.viewer.bodies import frame_pose
+from copose.viewer.names import node
+from copose.viewer.robots import rgb
+from copose.viewer.solids import cylinder, turned_to
+
+if TYPE_CHECKING:
+    from viser import FrameHandle, MeshHandle, SceneApi
+
+# Length of a frame's axes, as a share of the scene.
+_AXIS = 0.06
+# Radius of them, as a share of their length.
+_THICK = 0.045
+# Radius of a frame's origin, alike.
+_ORIGIN = 0.07
+# Radius of what joins a hand with the grasp that it misses, as a share of the scene.
+_GAP = 0.004
+# What a hand misses by that is shown, m.
+_MISSED = 1e-4
+
+
+class Hands:
+    """The hands of a cell and where they are to hold the object.
+
+    Nodes: ``/arms/NAME/tip/axes``, ``/grasps/NAME``, and ``/gaps/NAME`` between the two.
+
+    Args:
+        scene: where.
+        arms: whose hands.
+        rigid: whether a grasp fixes a hand's orientation; else it has no axes to show.
+    """
+
+    def __init__(self, scene: SceneApi, arms: Sequence[Arm], *, rigid: bool) -> None:
+        self._arms = tuple(arms)
+        self._size = 1.0
+        self._grasps: dict[str, FrameHandle] = {}
+        self._tips: dict[str, FrameHandle] = {}
+        self._gaps: dict[str, MeshHandle] = {}
+        stick = cylinder(1.0, 1.0)
+        for name in (arm.name for arm in arms):
+            self._grasps[name] = scene.add_frame(node("grasps", name), show_axes=rigid)
+            self._tips[name] = scene.add_frame(node("arms", name, "tip", "axes"))
+            self._gaps[name] = scene.add_mesh_simple(
+                node("gaps", name),
+                stick.vertices,
+                stick.faces,
+                color=rgb(style.OVER),
+                visible=False,
+                cast_shadow=False,
+            )
+
+    @property
+    def frames(self) -> tuple[FrameHandle, ...]:
+        """The axes of all hands and grasps."""
+        return (*self._tips.values(), *self._grasps.values())
+
+    def fit(self, size: float) -> None:
+        """Give axes and lines their thickness in a scene of a size, m."""
+        self._size = size
+        for frame in self.frames:
+            stretch(frame, size)
+
+    def show(self, posture: Posture, place: Pose) -> None:
+        """Move grasps to where they are on an object at some place, with lines from the hands."""
+        for arm in self._arms:
+            moved = (posture.grasp or {}).get(arm.name)
+            grasp = place @ (arm.grasp if moved is None else frame_pose(moved))
+            move(self._grasps[arm.name], grasp)
+            self._join(arm.name, np.array(posture.arms[arm.name].skeleton[-1]), grasp.position)
+
+    def _join(self, name: str, tip: Array, grasp: Array) -> None:
+        """A line from a hand to the grasp that it misses."""
+        gap, along = self._gaps[name], grasp - tip
+        length = float(np.linalg.norm(along))
+        gap.visible = length > _MISSED
+        if gap.visible:
+            move(gap, Pose.from_rotation(turned_to(along), (tip + grasp) / 2))
+            gap.scale = (_GAP * self._size, _GAP * self._size, length)
+
+
+def move(handle: FrameHandle | MeshHandle, pose: Pose) -> None:
+    """Place a node."""
+    handle.position, handle.wxyz = pose.position, pose.quaternion
+
+
+def stretch(frame: FrameHandle, size: float) -> None:
+    """Give a frame's axes their length in a scene of a size, m."""
+    length = _AXIS * size
+    frame.axes_length, frame.axes_radius = length, _THICK * length
+    frame.origin_radius = _ORIGIN * length
