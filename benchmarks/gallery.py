@@ -30,6 +30,8 @@ PICTURES = PROBLEMS / "pictures/gallery"
 PAGE = PROBLEMS / "README.md"
 GETTING_STARTED = ROOT / "src/copose/manual/getting-started.md"
 WIDTH, MOST_BYTES = 640, 60_000
+# The largest file of a picture of the live page, bytes.
+LIVE_BYTES = 150_000
 GROUPS = {
     "Arms in the plane, and the paper's figures": [
         "paper-fig2", "paper-fig3", "paper-fig4", "push-x", "fast-fine", "two-planar-4r",
@@ -44,13 +46,25 @@ GROUPS = {
     "Collision, reach and motion": ["panda-walls", "panda-reachable", "panda-carry-path"],
     "Other robots": ["baxter-box", "pr2-box", "talos-box", "tiago-dual"],
 }  # fmt: skip
+# Pictures of the live page, of which problem and what they show.
+LIVE = {
+    "two-panda-box": ("two-panda-box", "Drag the box by an arrow or an arc: the arms follow."),
+    "beyond-reach": (
+        "two-panda-box", "Beyond reach the box turns red, and the text says how far off it is."
+    ),
+    "by-hand": ("two-panda-box", "Arms by hand along self-motions, and the objective there."),
+    "baxter-box": ("baxter-box", "Baxter: joints between limits, torques as shares of theirs."),
+    "paper-fig4": ("paper-fig4", "Three arms in the plane, seen from above."),
+    "panda-carry-path": ("panda-carry-path", "A motion along a path, with its curves over time."),
+}  # fmt: skip
 HEAD = """# Problems
 
 Every file here is a complete problem with a comment that says what it shows and what to expect.
 Robots come with `pip install '.[robots]'`. Each picture shows the answer to the command beside it,
 run in the folder above this one: the posture before, the posture after, and their ellipsoids.
 
-The page and its pictures are made by `python benchmarks/gallery.py`.
+The page and its pictures are made by `python benchmarks/gallery.py`, those of the live page by
+`python benchmarks/live_gallery.py`.
 """
 
 
@@ -130,7 +144,11 @@ def page() -> str:
             shown = f'<img src="pictures/gallery/{name}.png" width="420" alt="{name}">'
             lines.append(f"| {shown} | [{name}]({name}.toml): {words}<br>`{command(name)}` |")
         lines.append("")
-    return "\n".join(lines)
+    lines += ["## On the live page", "", "| picture | command |", "| --- | --- |"]
+    for name, (problem, words) in LIVE.items():
+        shown = f'<img src="pictures/live-{name}.png" width="600" alt="{words}">'
+        lines.append(f"| {shown} | {words}<br>`copose live problems/{problem}.toml` |")
+    return "\n".join([*lines, ""])
 
 
 def main() -> None:

@@ -26,6 +26,18 @@ def test_the_page_has_a_row_for_every_problem() -> None:
     assert {file.stem for file in gallery.PICTURES.iterdir()} == {*NAMES}
 
 
+@pytest.mark.parametrize("name", gallery.LIVE)
+def test_pictures_of_the_live_page_are_of_problems_as_they_are(name: str) -> None:
+    problem, words = gallery.LIVE[name]
+    file = gallery.PROBLEMS / f"pictures/live-{name}.png"
+    with Image.open(file) as picture:
+        assert picture.size == (1200, 750)
+        told = picture.info["problem"]
+    assert told == gallery.digest(problem), f"run benchmarks/live_gallery.py {name}"
+    assert file.stat().st_size < gallery.LIVE_BYTES
+    assert f'<img src="pictures/live-{name}.png" width="600" alt="{words}">' in gallery.page()
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_picture_is_of_the_problem_as_it_is(name: str) -> None:
     told = chunks(name)

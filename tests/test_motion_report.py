@@ -22,7 +22,7 @@ from copose.cli import main
 from copose.errors import InputError
 from copose.formats import joint_trajectory_yaml, trajectory_csv
 from copose.report import draw, motion_animation, motion_table, picture
-from copose.report.motion_charts import _spread
+from copose.report.joint_curves import spread
 from copose.report.motion_figure import motion_figure
 from copose.report.motion_limits import limit_shares
 from copose.results import (
@@ -316,10 +316,10 @@ def test_films_of_many_knots_leave_some_out() -> None:
 
 def test_labels_keep_apart_and_in_order() -> None:
     wanted = np.array([0.0, 0.5, 0.5, 0.51, 0.9])
-    spread = _spread(wanted, 0.1)
-    assert np.all(np.diff(spread) > 0.1 - 1e-12)
-    assert spread[0] == 0.0 and spread[-1] == pytest.approx(0.9)
-    assert spread[1:4].mean() == pytest.approx(wanted[1:4].mean())
+    placed = spread(wanted, 0.1)
+    assert np.all(np.diff(placed) > 0.1 - 1e-12)
+    assert placed[0] == 0.0 and placed[-1] == pytest.approx(0.9)
+    assert placed[1:4].mean() == pytest.approx(wanted[1:4].mean())
 
 
 @pytest.fixture

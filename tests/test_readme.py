@@ -249,7 +249,9 @@ def test_the_blocks_of_the_manual_run(name: str, here: Path, monkeypatch) -> Non
         "paths": "carried/path.png",
     }
     for shown in pictures(name):
-        same_picture(shown, here / drawn[name])
+        # Those of the live page are the gallery's.
+        if not shown.name.startswith("live-"):
+            same_picture(shown, here / drawn[name])
 
 
 def test_every_command_and_option_is_in_the_manual(capsys) -> None:

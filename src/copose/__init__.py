@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from copose.capability import Ellipsoid
     from copose.errors import CoposeError, InputError
     from copose.formats import export
+    from copose.live import LivePage, open_live
     from copose.loader import load, parse
     from copose.paths import PathPlanner, plan
     from copose.planning import Check, Planner, check, evaluate, solve, verify
@@ -26,6 +27,7 @@ _HOMES = {
     "CoposeError": "errors",
     "Ellipsoid": "capability",
     "InputError": "errors",
+    "LivePage": "live",
     "Motion": "results",
     "PathPlanner": "paths",
     "Planner": "planning",
@@ -39,6 +41,7 @@ _HOMES = {
     "evaluate": "planning",
     "export": "formats",
     "load": "loader",
+    "open_live": "live",
     "parse": "loader",
     "plan": "paths",
     "read_motion": "results",
@@ -52,6 +55,7 @@ __all__ = [
     "CoposeError",
     "Ellipsoid",
     "InputError",
+    "LivePage",
     "Motion",
     "PathPlanner",
     "Planner",
@@ -65,6 +69,7 @@ __all__ = [
     "evaluate",
     "export",
     "load",
+    "open_live",
     "parse",
     "plan",
     "read_motion",

@@ -15,9 +15,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TypeAlias
 
-from copose import interrupt
+from copose import export_command, interrupt, live_command
 from copose.errors import InputError, one_line, shown
-from copose.export_command import add_arguments, export_result
 from copose.progress import sheltered, stage
 from copose.terminal import print_line, print_place, print_rich, printing, tell, watching
 from copose.version import __version__
@@ -157,8 +156,16 @@ def _parser() -> argparse.ArgumentParser:
         commands, "export", "a posture or a motion for another program", _export,
         "panda/result.json --to moveit -o panda.yaml",
     )  # fmt: skip
-    add_arguments(export)
+    export_command.add_arguments(export)
     _add_telling(export)
+
+    live = _command(
+        commands, "live", "a page in the browser: drag the object, the arms follow", _live,
+        "problems/two-panda-box.toml --port 8081",
+    )  # fmt: skip
+    live_command.add_arguments(live)
+    _add_aim(live)
+    _add_telling(live)
 
     _added(
         commands, "schema", "JSON Schema of problem files, for editors", _schema,
@@ -454,12 +461,22 @@ def _compare(arguments: argparse.Namespace) -> int:
 
 def _export(arguments: argparse.Namespace) -> int:
     with watching(arguments):
-        file, names = export_result(arguments)
+        file, names = export_command.export_result(arguments)
     if not arguments.quiet:
         if names:
             print_line(names)
         print_place(file)
     return SOLVED
+
+
+def _live(arguments: argparse.Namespace) -> int:
+    with watching(arguments):
+        from copose.live.opening import check_installed
+
+        check_installed()
+        problem = _load(arguments)
+    live_command.serve(problem, arguments)
+    return interrupt.INTERRUPTED
 
 
 def _check(arguments: argparse.Namespace) -> int:

@@ -13,6 +13,7 @@ _ORDER = (
     "cells",
     "collision",
     "paths",
+    "live",
     "commands",
     "problem-files",
     "python",

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from copose.poses import Array, Pose, quaternion_product
-from copose.problem import PathSpec, Problem
+from copose.problem import Problem
 
 # m of a path that counts as long as a turn of one radian.
 _PER_TURN = 0.3
@@ -84,7 +84,7 @@ class Journey:
     @classmethod
     def of(cls, problem: Problem) -> Journey:
         """The journey of ``[path]``; without one the object stays."""
-        poses = _waypoints(problem, problem.path)
+        poses = waypoint_poses(problem)
         steps = [b.position - a.position for a, b in pairwise(poses)]
         turns = [_turn(a, b) for a, b in pairwise(poses)]
         sizes = np.array([_size(s, t) for s, t in zip(steps, turns, strict=True)])
@@ -156,8 +156,11 @@ class Journey:
         )
 
 
-def _waypoints(problem: Problem, path: PathSpec | None) -> list[Pose]:
-    thing, planar = problem.object, problem.space.planar
+def waypoint_poses(problem: Problem) -> list[Pose]:
+    """Where ``[path]`` has the object at its waypoints, all of it told; without one the object's
+    pose twice.
+    """
+    thing, planar, path = problem.object, problem.space.planar, problem.path
     if path is None:
         return [thing.pose, thing.pose]
     position = thing.position

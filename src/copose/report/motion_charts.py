@@ -10,9 +10,10 @@ from matplotlib.axes import Axes
 
 from copose.poses import Array
 from copose.report import legends, style
+from copose.report.joint_curves import JointCurves, spread
 from copose.report.motion_limits import Shares
 from copose.report.motion_words import failure_words
-from copose.results import JointRecord, Motion
+from copose.results import Motion
 
 SMALL = 9
 _SHARE_COLORS = {"speed": "#332288", "acceleration": "#999933", "torque": "#882255"}
@@ -62,48 +63,29 @@ def draw_joints(ax: Axes, motion: Motion, arm: str) -> None:
     Joints without limits are dashed, in turns; where none has any, all are in rad or m.
     """
     assert motion.time is not None and motion.knots is not None
-    time, limits = np.array(motion.time), motion.limits[arm]
-    q = np.array([knot.joints[arm] for knot in motion.knots])
-    bounded = [_bounded(record) for record in limits]
-    some = any(bounded)
-    shown = np.column_stack([
-        _range_share(q[:, i], record) if _bounded(record) else q[:, i] / (2 * np.pi if some else 1)
-        for i, record in enumerate(limits)
-    ])  # fmt: skip
+    time, curves = np.array(motion.time), JointCurves.of(motion, arm)
+    shown, some = curves.values, curves.limited
     if some:
         for sign in (-1, 1):
             ax.axhline(sign, color=style.OVER, linewidth=1.2, linestyle="--")
             ax.axhspan(sign, 50 * sign, color=style.OVER, alpha=0.06, linewidth=0)
-        furthest = max(1.12, 1.05 * float(np.abs(shown).max()))
+        furthest = curves.furthest
         ax.set_ylim(-furthest, furthest)
         if furthest < 2:
             ax.set_yticks([-1, -0.5, 0, 0.5, 1])
         ax.axhline(0, color="#DDDDDD", linewidth=0.8)
     else:
         ax.margins(y=0.1)
-    positions = np.linspace(_DARKEST, _LIGHTEST, len(limits))
+    positions = np.linspace(_DARKEST, _LIGHTEST, len(curves.bounded))
     colors = matplotlib.colormaps["viridis"](positions)
     for i, color in enumerate(colors):
-        loose = some and not bounded[i]
+        loose = some and not curves.bounded[i]
         ax.plot(time, shown[:, i], color=color, linewidth=1.8, linestyle="--" if loose else "-")
     _along(ax, time)
     _labels(ax, shown[-1], colors)
-    words = "share of range" if some else "rad or m"
-    if some and not all(bounded):
-        words += "; dashed: turns"
-    ax.set_ylabel(words, fontsize=SMALL, labelpad=1)
+    ax.set_ylabel(curves.unit, fontsize=SMALL, labelpad=1)
     color = dict(zip(motion.joint_names, style.ARMS * len(motion.limits), strict=False))[arm]
     _title(ax, f"joints of arm {style.short(arm)}", color=color)
-
-
-def _bounded(record: JointRecord) -> bool:
-    return record.lower is not None and record.upper is not None and record.upper > record.lower
-
-
-def _range_share(q: Array, record: JointRecord) -> Array:
-    assert record.lower is not None and record.upper is not None
-    middle, half = (record.upper + record.lower) / 2, (record.upper - record.lower) / 2
-    return np.asarray((q - middle) / half)
 
 
 def _labels(ax: Axes, ends: Array, colors: Any) -> None:
@@ -112,25 +94,11 @@ def _labels(ax: Axes, ends: Array, colors: Any) -> None:
     heights = (ends - low) / (high - low)
     order = np.argsort(heights, kind="stable")
     # Each label wants to be where its line ends; a crowd is spread around where it stands.
-    spread = _spread(heights[order], _LABELS_APART)
-    for height, i in zip(spread, order, strict=True):
+    placed = spread(heights[order], _LABELS_APART)
+    for height, i in zip(placed, order, strict=True):
         ax.annotate(str(i + 1), (1, height), xycoords="axes fraction", xytext=(5, 0),
                     textcoords="offset points", color=colors[i], fontsize=SMALL,
                     fontweight="bold", va="center")  # fmt: skip
-
-
-def _spread(wanted: Array, apart: float) -> Array:
-    """The increasing numbers nearest to those wanted that are so far apart, Σ (x − w)² → min."""
-    offsets = apart * np.arange(len(wanted))
-    # Without the distances it is a regression that only may rise: merge what falls.
-    groups: list[list[float]] = []
-    for value in wanted - offsets:
-        groups.append([value])
-        while len(groups) > 1 and np.mean(groups[-2]) > np.mean(groups[-1]):
-            last = groups.pop()
-            groups[-1] += last
-    fitted = [float(np.mean(group)) for group in groups for _ in group]
-    return np.asarray(fitted + offsets)
 
 
 def draw_limits(ax: Axes, shares: list[Shares]) -> None:

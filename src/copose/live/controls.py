@@ -1,0 +1,64 @@
+"""Controls of the panel that tell a hand's changes from the page's own."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import viser
+
+
+class Controls:
+    """Makes controls whose handlers are called for hands alone.
+
+    Viser calls handlers whoever has changed a control, for hands on threads of their own and in any
+    order: they ask controls for their values.
+
+    Attributes:
+        gui: where.
+    """
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        """Controls of a panel."""
+        self.gui = gui
+        self._setter: int | None = None
+
+    @contextmanager
+    def setting(self) -> Iterator[None]:
+        """While this thread sets controls, which is nobody's wish."""
+        self._setter = threading.get_ident()
+        try:
+            yield
+        finally:
+            self._setter = None
+
+    def when(self, control: Any, act: Callable[[], object]) -> None:
+        """Do something when a hand changes a control."""
+
+        def changed(_: object) -> None:
+            if threading.get_ident() != self._setter:
+                act()
+
+        control.on_update(changed)
+
+    def clicked(self, button: Any, act: Callable[[], object]) -> None:
+        """Do something when a hand clicks a button."""
+
+        def pressed(_: object) -> None:
+            act()
+
+        button.on_click(pressed)
+
+
+def put(control: Any, value: object) -> None:
+    """Set a control that says something else."""
+    if control.value != value:
+        control.value = value
+
+
+def see(control: Any, visible: bool) -> None:
+    """Show or hide a control."""
+    if control.visible != visible:
+        control.visible = visible

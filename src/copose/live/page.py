@@ -1,0 +1,428 @@
+"""The page: a server with a scene and a panel, and a worker that answers what hands do."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from copose.errors import InputError
+from copose.live import aims
+from copose.live.by_hand import ByHand
+from copose.live.document import Document, case_names
+from copose.live.files import file_named, save
+from copose.live.gizmos import Gizmo
+from copose.live.panel import Panel
+from copose.live.path_player import PathPlayer
+from copose.live.path_words import instant_headline
+from copose.live.session import Session
+from copose.live.stage import Stage
+from copose.live.state import Aim, State
+from copose.live.worker import Task, Worker
+from copose.poses import Pose
+from copose.problem import Problem
+from copose.progress import Progress, StoppedError
+from copose.results import Optimum, Posture
+from copose.viewer.server import quiet_server, stop
+
+# Answers to drags whose times are kept.
+_KEPT = 2000
+# Between two pictures of a transition, s.
+_MOMENT = 0.025
+# Moments for which the posture that arms have jumped from stays as a ghost.
+_FADE = 30
+# Between two moves of one control that an undo takes back together, at most, s.
+_STROKE = 1.0
+
+
+class Page:
+    """One problem on one address; every browser that opens it sees the same.
+
+    Attributes:
+        server: viser's.
+        stage: the scene.
+        session: the problem and its posture.
+        path: the motion along the path; None where the problem has none.
+        latencies: from a drag's arrival to the sending of its answer, s, the newest last.
+    """
+
+    def __init__(self, problem: Problem, *, host: str, port: int) -> None:
+        """Find the opening posture and serve the page.
+
+        Args:
+            problem: as read by `copose.load`.
+            host: address that the page is served at.
+            port: alike.
+
+        Raises:
+            InputError: the problem cannot be used, or the port.
+        """
+        port = free_port(host, port)
+        self.latencies: deque[float] = deque(maxlen=_KEPT)
+        self._written: set[Path] = set()
+        self._stroke: tuple[object, float] = (None, 0.0)
+        self._stroked = threading.Lock()
+        self.session = Session(Document.of(problem), self._render)
+        self.session.told = lambda state: None
+        self.session.open()
+        self._hand = ByHand(self.session, self.session.spare)
+        state = self.session.state
+        self.server = quiet_server(host, port, problem.name)
+        self.server.request_share_url = _not_shared  # type: ignore[method-assign]
+        self._worker = Worker(self._rested, self._failed)
+        try:
+            with self.server.atomic():
+                self._build(state)
+            self.session.told, self.session.waited = self._render, self._waited
+            self._render(state)
+        except BaseException:
+            self._worker.end()
+            stop(self.server)
+            raise
+        if self.path is not None:
+            self.path.open()
+        self._worker.do(self._look)
+
+    def _build(self, state: State) -> None:
+        gui, names = self.server.gui, case_names(self.session.document.whole)
+        gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+        gui.main_panel.dock_right()
+        self.stage = Stage(self.server, state, self._dragged)
+        self.server.on_client_disconnect(lambda _: self.stage.gizmos.release())
+        self.path = self._path_player(state)
+        kinds = aims.offered(self.session.document, state.solution)
+        self.panel = Panel(gui, state.problem, self.session.spare, self, kinds, names)
+        if self.path is not None:
+            self.path.panel = self.panel.path
+        if state.posture is not None:
+            self.stage.look(state.posture, [] if self.path is None else self.path.way)
+
+    def _path_player(self, state: State) -> PathPlayer | None:
+        if state.problem.path is None:
+            return None
+        player = PathPlayer(self.session, self._worker, self.server, self.stage.scene)
+        player.told = self._planned
+        player.shows, player.left = self._instant_shown, self._posture_shown
+        return player
+
+    def _instant_shown(self) -> None:
+        """The scene shows the motion: so does what the panel says of the arms."""
+        if self.path is not None:
+            motion = self.path.motion
+            self.panel.show_instant(instant_headline(motion), motion.state())
+
+    def _posture_shown(self) -> None:
+        """The scene shows the posture again."""
+        self.stage.scene.show_before(self.state.start)
+        self._render(self.state)
+
+    def _of_posture(self, task: Task) -> Task:
+        """A task that a hand wants done with the posture: it is shown, and no motion."""
+        path = self.path
+        if path is None:
+            return task
+        path.halt()
+
+        def done() -> None:
+            path.leave()
+            task()
+
+        return done
+
+    @property
+    def address(self) -> str:
+        """The address at which a browser finds the page."""
+        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+
+    @property
+    def state(self) -> State:
+        """The state that is shown."""
+        return self.session.state
+
+    def settle(self, timeout_s: float = 60.0) -> bool:
+        """Wait until everything that was asked for is done; False where that takes longer."""
+        return self._worker.settle(timeout_s)
+
+    def stop(self) -> None:
+        """End the page; browsers keep what they show."""
+        if self.path is not None:
+            self.path.halt()
+        self.session.interrupt()
+        self._worker.end()
+        stop(self.server)
+
+    def drag(self, gizmo: Gizmo, pose: Pose, phase: str = "update") -> None:
+        """Do what a hand does with the mouse.
+
+        Args:
+            gizmo: what is dragged.
+            pose: in the world.
+            phase: start, update or end.
+        """
+        self.stage.gizmos.drag(gizmo, pose, phase, self._dragged)
+
+    # What the panel can have done, see `Acts`.
+
+    def set(self, changes: Mapping[str, Any]) -> None:
+        """Change settings; a search answers."""
+        self.session.interrupt()
+        self._worker.do(self._of_posture(lambda: self._changed(changes)))
+
+    def steer(self, changes: Mapping[str, Any]) -> None:
+        """Change numbers that the arms follow."""
+        self._begin(tuple(changes))
+        self.session.interrupt()
+        self._worker.move(self._of_posture(lambda: self.session.move(changes)))
+
+    def search(self, aim: Aim) -> None:
+        """Search everything."""
+        self._ask(lambda: self._searched(aim))
+
+    def choose(self, optimum: Optimum) -> None:
+        """Go to a local optimum."""
+        joints = optimum.joints
+        if joints is not None:
+            self._ask(lambda: self.session.choose(joints))
+            self._worker.do(self._look)
+
+    def undo(self) -> None:
+        """Undo the last step."""
+        self._stroke = (None, 0.0)
+        self.stage.gizmos.release()
+        self.session.interrupt()
+        self._worker.do(self._undone)
+        self._worker.do(self._look)
+
+    def pick(self, case: str) -> None:
+        """Show another case."""
+        self.session.interrupt()
+        self._worker.do(lambda: self._picked(case))
+
+    def slide(self, arm: str, share: float) -> None:
+        """Move an arm along its self-motion."""
+        self._begin(arm)
+        self.session.interrupt()
+        task = self._of_posture(lambda: self._moved(lambda: self._hand.slide(arm, share)))
+        self._worker.move(task, rests=False)
+
+    def jog(self, arm: str, direction: int, amount: float) -> None:
+        """Move an arm along one of several directions."""
+        self._begin(arm)
+        self.session.interrupt()
+        self._worker.do(
+            self._of_posture(lambda: self._moved(lambda: self._hand.jog(arm, direction, amount)))
+        )
+
+    def show(self, what: str, visible: bool) -> None:
+        """Show or hide a part of the scene."""
+        self._worker.do(lambda: self._shown(what, visible))
+
+    def save(self, kind: str, file: str) -> None:
+        """Write a file, and say so in the panel."""
+        self._worker.do(lambda: self._saved(kind, file))
+
+    def _saved(self, kind: str, name: str) -> None:
+        # What this page has written it may write again.
+        try:
+            file = file_named(name)
+            save(self.state, kind, file, overwrite=file.absolute() in self._written)
+        except InputError as error:
+            self.panel.said(str(error))
+            return
+        self._written.add(file.absolute())
+        self.panel.said(f"written to {file.absolute()}")
+
+    def _ask(self, task: Any) -> None:
+        """Do something that can be undone, unless nothing came of it."""
+
+        def asked() -> None:
+            self.session.mark()
+            try:
+                task()
+            except InputError:
+                self.session.unmark()
+                raise
+
+        self._stroke = (None, 0.0)
+        self.session.interrupt()
+        self._worker.do(self._of_posture(asked))
+
+    def _begin(self, what: object) -> None:
+        """Of moves of one control that come one upon another make a step that can be undone."""
+        with self._stroked:
+            (last, when), now = self._stroke, time.monotonic()
+            self._stroke = what, now
+            if what != last or now - when > _STROKE:
+                self._worker.do(self.session.mark)
+
+    def _dragged(self, gizmo: Gizmo, pose: Pose, phase: str) -> None:
+        """A hand has moved something; on the page's thread."""
+        began = time.perf_counter()
+        if phase == "start":
+            self._stroke = (None, 0.0)
+            self._worker.do(self.session.mark)
+        self.session.interrupt()
+        if gizmo.kind == "waypoint":
+            self._waypoint_dragged(gizmo, pose)
+            return
+
+        def follow() -> None:
+            changes = gizmo.changes(self.session.state.problem, pose)
+            self.session.move(changes)
+            self.latencies.append(time.perf_counter() - began)
+
+        self._worker.move(self._of_posture(follow))
+
+    def _waypoint_dragged(self, gizmo: Gizmo, pose: Pose) -> None:
+        """A hand has moved a waypoint: the path follows, the motion is planned when it is asked."""
+
+        def follow() -> None:
+            self.session.put(gizmo.changes(self.session.state.problem, pose))
+
+        if self.path is not None:
+            self.path.halt()
+            self._worker.move(follow, rests=False)
+
+    def _undone(self) -> None:
+        """A step is undone; where that concerns the posture, it is shown."""
+        before = self.state.solution
+        self.session.undo()
+        if self.path is not None and self.state.solution is not before:
+            self.path.leave()
+
+    def _rested(self) -> None:
+        """The hand rests: whether there is a better posture is looked for."""
+        self._searched(None)
+        if self.path is not None:
+            self.path.resume()
+
+    def _searched(self, aim: Aim | None) -> None:
+        try:
+            self.session.search(aim, self._progress)
+        finally:
+            self.panel.progress(None)
+        moving = self.path is not None and self.path.shown
+        if self.state.left is not None and not moving:
+            self._fade(self.state.left)
+        self._look()
+
+    def _changed(self, changes: Mapping[str, Any]) -> None:
+        try:
+            self.session.change(changes, self._progress)
+        finally:
+            self.panel.progress(None)
+        self._look()
+
+    def _picked(self, case: str) -> None:
+        self.session.pick(case)
+        self._look()
+
+    def _moved(self, move: Callable[[], None]) -> None:
+        """A hand has moved an arm."""
+        move()
+        with self.server.atomic():
+            self.panel.hand.show(self._hand)
+
+    def _look(self) -> None:
+        """Follow the self-motions from here, unless a hand moves meanwhile."""
+        if self._worker.waiting:
+            return
+        with contextlib.suppress(StoppedError), self.session.watched():
+            self._hand.look()
+            with self.server.atomic():
+                self.panel.hand.show(self._hand)
+                self.panel.hand.rest()
+
+    def _waited(self) -> bool:
+        """A moment between two pictures of a transition; False where a hand wants something."""
+        if self._worker.waiting or not self.server.get_clients():
+            return False
+        time.sleep(_MOMENT)
+        return True
+
+    def _fade(self, left: Posture) -> None:
+        """Show for a moment, as a ghost, the posture that the arms have jumped from."""
+        self.stage.scene.show_before(left)
+        for _ in range(_FADE):
+            if not self._waited():
+                break
+        self.stage.scene.show_before(self.state.start)
+
+    def _progress(self, now: Progress) -> None:
+        if self._worker.pressed:
+            # A move that came as the search began did not find it to interrupt.
+            self.session.interrupt()
+        self.panel.progress(now)
+
+    def _planned(self, now: Progress | None) -> None:
+        """How far planning is; None once it is over."""
+        if now is None:
+            self.panel.progress(None)
+        else:
+            self._progress(now)
+
+    def _failed(self, error: Exception) -> None:
+        """Say what went wrong, and stay as it was."""
+        words = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
+        self.session.fail(words)
+
+    def _shown(self, what: str, visible: bool) -> None:
+        with self.server.atomic():
+            if what == "path" and self.path is not None:
+                self.path.see(visible)
+                return
+            self.stage.see(what, visible)
+            if what == "exact set":
+                self._show_exact_set()
+
+    def _show_exact_set(self) -> None:
+        """What torque limits allow, exactly, where it is asked for and the hand rests."""
+        state, posture = self.state, None
+        moving = self.path is not None and self.path.shown
+        after = state.solution.after
+        if self.stage.exact and state.searched and not moving and after is not None:
+            planner = self.session.planner()
+            told = planner.evaluate(after.joints, problem=state.problem, everything=True)
+            posture = told.after
+        self.stage.scene.show_exact_set(posture)
+
+    def _render(self, state: State) -> None:
+        """Show a state in scene and panel at once."""
+        with self.server.atomic():
+            self.stage.show(state)
+            if self.stage.exact:
+                self._show_exact_set()
+            self.panel.show(state)
+            if self.path is not None:
+                self.path.render(state)
+            if self.path is not None and self.path.shown:
+                self.path.redraw()
+            else:
+                self.stage.show_posture(state)
+        self.server.flush()
+
+
+def free_port(host: str, port: int) -> int:
+    """A port that can be had: the one that is asked for, of 0 any.
+
+    Raises:
+        InputError: it is taken, or the address is not this machine's.
+    """
+    try:
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        with socket.socket(family) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((host, port))
+            return int(probe.getsockname()[1])
+    except (OSError, OverflowError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot serve on {host}, port {port}: {why}", key="--port") from None
+
+
+def _not_shared(*_: object, **__: object) -> None:
+    """The page stays on this machine, whoever asks."""

@@ -1,0 +1,193 @@
+"""The page's part for the motion along the path: plans it, shows it at an instant, plays it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import viser
+
+from copose.errors import InputError
+from copose.live.files import file_named
+from copose.live.path_drawing import PathDrawing
+from copose.live.path_motion import PathMotion
+from copose.live.path_panel import PathPanel
+from copose.live.session import Session
+from copose.live.state import State
+from copose.live.worker import Worker
+from copose.paths.journey import waypoint_poses
+from copose.poses import Pose
+from copose.progress import Progress
+from copose.viewer.scene import CellScene
+
+# Between two pictures of a motion that plays, s.
+_PICTURE = 1 / 30
+
+
+class PathPlayer:
+    """The actions of the tab of the path; the page's worker does what takes its time.
+
+    Attributes:
+        motion: that is planned and shown.
+        shown: whether the scene shows the motion, and not the posture of ``[object]``.
+        panel: the tab's controls; the page sets them.
+        told: is told of progress, of None at the end; the page sets it.
+        shows: is called when an instant is shown; the page sets it.
+        left: shows the posture again; the page sets it.
+    """
+
+    panel: PathPanel
+    told: Callable[[Progress | None], object]
+    shows: Callable[[], object]
+    left: Callable[[], object]
+
+    def __init__(
+        self, session: Session, worker: Worker, server: viser.ViserServer, scene: CellScene
+    ) -> None:
+        """Draw the path.
+
+        Args:
+            session: whose problem has a path.
+            worker: of the page.
+            server: alike.
+            scene: alike, fit to a posture.
+        """
+        self.motion, self.shown = PathMotion(session), False
+        self._session, self._worker, self._server, self._scene = session, worker, server, scene
+        self._playing = self._planning = False
+        self._wanted = True
+        self._drawing = PathDrawing(server.scene, self.way, scene.size or 1.0)
+
+    @property
+    def way(self) -> list[Pose]:
+        """The waypoints of the object."""
+        return waypoint_poses(self._session.state.problem)
+
+    # What the tab can have done, see `PathActs`.
+
+    def plan(self) -> None:
+        """Plan the motion, or end planning that is under way."""
+        self._wanted = not self._planning
+        self.halt()
+        self._session.interrupt()
+        if self._wanted:
+            self._worker.do(self._plan)
+
+    def go(self, time: float) -> None:
+        """Show an instant, s."""
+        self.halt()
+        self._worker.move(lambda: self._show(time), rests=False)
+
+    def play(self) -> None:
+        """Play the motion from where it is, from its beginning where it is at the end; or stop."""
+        if self._playing:
+            self.halt()
+        else:
+            self._playing = True
+            self._worker.do(self._begin)
+
+    def save(self, kind: str, place: str) -> None:
+        """Write the motion, and say so in the tab."""
+        self._worker.do(lambda: self._saved(kind, place))
+
+    # What the page has done.
+
+    def halt(self) -> None:
+        """Play no further; any thread may say so."""
+        self._playing = False
+
+    def leave(self) -> None:
+        """Show the posture again: a hand does something with it; on the worker's thread."""
+        self.halt()
+        if self.shown:
+            self.shown = False
+            self.left()
+
+    def see(self, visible: bool) -> None:
+        """Show or hide the path."""
+        self._drawing.see(visible)
+
+    def redraw(self) -> None:
+        """Show the same instant once more; on the worker's thread."""
+        self._show(self.motion.time)
+
+    def resume(self) -> None:
+        """Plan again where a hand has interrupted planning; on the worker's thread."""
+        if self.motion.interrupted and self._wanted:
+            self._plan()
+
+    def render(self, state: State) -> None:
+        """Show what has changed of the path's problem."""
+        self._drawing.place(waypoint_poses(state.problem))
+        self.panel.show(self.motion)
+
+    def open(self) -> None:
+        """Plan the motion that the page opens with."""
+        self._worker.do(self._plan)
+
+    def _plan(self) -> None:
+        self._planning = True
+        self.panel.planning(True)
+        try:
+            found = self.motion.plan(self.told)
+        finally:
+            self._planning = False
+            self.told(None)
+            self.panel.planning(False)
+        with self._server.atomic():
+            if found and not self.motion.interrupted:
+                self._show(self.motion.time)
+            self.panel.show(self.motion)
+        self._server.flush()
+
+    def _show(self, time: float) -> None:
+        """Show an instant in the scene."""
+        course = self.motion.course
+        if course is None:
+            return
+        posture = self.motion.look(time)
+        self.shown = True
+        with self._server.atomic():
+            self._scene.show(posture)
+            self._scene.mark_object(unreachable=False)
+            self._scene.show_exact_set(None)
+            self._scene.show_before(None)
+            self.panel.show_instant(self.motion)
+            self.shows()
+        self._server.flush()
+
+    def _begin(self) -> None:
+        """Play from where the motion is."""
+        course = self.motion.course
+        if course is None:
+            self._playing = False
+            return
+        if self.motion.time >= course.duration:
+            self.motion.time = 0.0
+        began = time.perf_counter() - self.motion.time
+        self.panel.playing(True)
+        self._run(began)
+
+    def _run(self, began: float) -> None:
+        """Show picture after picture until the end, or until something else is to be done."""
+        course = self.motion.course
+        while self._playing and course is not None:
+            now = time.perf_counter()
+            self._show(now - began)
+            if self.motion.time >= course.duration:
+                break
+            if self._worker.waiting:
+                # It is done first; what plays goes on after it.
+                self._worker.do(lambda: self._run(began))
+                return
+            time.sleep(max(0.0, now + _PICTURE - time.perf_counter()))
+        self._playing = False
+        self.panel.playing(False)
+
+    def _saved(self, kind: str, place: str) -> None:
+        try:
+            written = self.motion.save(kind, file_named(place))
+        except InputError as error:
+            self.panel.said(str(error))
+            return
+        self.panel.said(f"written to {written.absolute()}")

@@ -1,0 +1,383 @@
+"""The problem on the page, the posture of its arms and its value, and their changes and undo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeAlias
+
+from copose.errors import InputError
+from copose.live.document import Changes, Document
+from copose.live.state import Aim, State, Step
+from copose.live.transition import self_motion_way
+from copose.planning import Planner
+from copose.planning.following import Followed, Gap
+from copose.poses import Array
+from copose.problem import Problem
+from copose.progress import Tell, Watch, watched
+from copose.results import Optimum, Posture, Solution
+
+# Planners that are kept; another setting needs another one.
+_PLANNERS = 4
+# Steps that can be undone.
+_STEPS = 100
+# What another posture must be worth more, relative, to be moved to.
+_BETTER = 1e-6
+# Local optima that are listed.
+_LISTED = 8
+# Objectives closer than this, relative, are of one optimum met by different ways.
+_ALIKE = 1e-6
+
+Joints: TypeAlias = Mapping[str, Sequence[float]]
+
+
+@dataclass(eq=False)
+class Session:
+    """A problem that is being changed, and the posture of its arms.
+
+    Every method may take its time and belongs to one thread, but `interrupt`.
+
+    Attributes:
+        document: the problem as it was opened.
+        told: is told of every new state.
+        waited: is called between two postures of a transition; whether it is to go on.
+        state: the last of them.
+        spare: degrees of freedom to spare, by arm.
+    """
+
+    document: Document
+    told: Callable[[State], object]
+    waited: Callable[[], bool] = lambda: False
+    state: State = field(init=False)
+    spare: Mapping[str, int] = field(init=False)
+    _changes: dict[str, Any] = field(default_factory=dict)
+    _planners: list[Planner] = field(default_factory=list)
+    _steps: list[Step] = field(default_factory=list)
+    _watch: Watch | None = None
+    # Where everything was as the arms were in the start.
+    _start_places: Changes = field(default_factory=dict)
+    # Settings by which the start was last measured, and the objective there.
+    _measured: tuple[Changes, float | None] | None = None
+
+    def open(self) -> None:
+        """Find the posture that the page opens with.
+
+        Raises:
+            InputError: the problem cannot be used.
+        """
+        problem = self.document.problem({})
+        planner = self._planner(problem)
+        self.spare = planner.spare
+        solution = planner.solve(problem=problem)
+        value = solution.objective.before
+        self._changes, self._steps = {}, []
+        self._start_places, self._measured = {}, ({}, value)
+        self.state = State(problem, solution, start=solution.before, start_value=value)
+        self._tell(**self._outcome(planner, problem, solution))
+
+    def pick(self, case: str) -> None:
+        """Show another case of the problem, as it was opened; no undo goes back from there.
+
+        Raises:
+            InputError: that case cannot be used; nothing is changed then.
+        """
+        before = self.document
+        self.document = before.of_case(case)
+        try:
+            self.open()
+        except InputError:
+            self.document = before
+            raise
+
+    @property
+    def changes(self) -> Changes:
+        """The values that differ from the problem as it was opened."""
+        return dict(self._changes)
+
+    def interrupt(self) -> None:
+        """End a search that is under way; any thread may say so."""
+        watch = self._watch
+        if watch is not None:
+            watch.interrupt()
+
+    @contextmanager
+    def watched(self, tell: Tell | None = None) -> Iterator[Watch]:
+        """Work that `interrupt` ends."""
+        with watched(tell) as self._watch:
+            try:
+                yield self._watch
+            finally:
+                self._watch = None
+
+    def mark(self) -> None:
+        """Make what is shown now a step that an undo goes back to."""
+        self._keep(self._step())
+
+    def unmark(self) -> None:
+        """Forget the last step: nothing has changed since."""
+        if self._steps:
+            self._steps.pop()
+
+    def undo(self) -> None:
+        """Go back to the last step."""
+        if self._steps:
+            self._back(self._steps.pop())
+
+    def move(self, changes: Changes) -> None:
+        """Let the arms follow what a hand moves: object, base or grasp.
+
+        Where they cannot, they stay, and the message says which of them misses by how much.
+
+        Raises:
+            InputError: no problem has such places.
+        """
+        before, problem = dict(self._changes), self._changed(changes)
+        places = all(map(_is_place, changes))
+        try:
+            planner = self._following(problem) if places else self._planner(problem)
+            self._follow(planner, problem)
+        except Exception:
+            self._changes = before
+            raise
+
+    def put(self, changes: Changes) -> None:
+        """Change what the posture does not depend on, such as waypoints.
+
+        Raises:
+            InputError: no problem has such values; nothing is changed then.
+        """
+        self._tell(problem=self._changed(changes))
+
+    def change(self, changes: Changes, tell: Tell | None = None) -> None:
+        """Change settings, which another search answers; a step that can be undone.
+
+        Args:
+            changes: by dotted path.
+            tell: is told of progress.
+
+        Raises:
+            InputError: no problem has such settings; nothing is changed then.
+        """
+        step = self._step()
+        problem = self._changed(changes)
+        try:
+            planner = self._planner(problem)
+            self._keep(step)
+            self._tell(problem=problem)
+            self._follow(planner, problem)
+            self.search(None, tell)
+        except Exception:
+            self._steps = [each for each in self._steps if each is not step]
+            self._back(step)
+            raise
+
+    def search(self, aim: Aim | None = None, tell: Tell | None = None) -> None:
+        """Search everything with the object where it is; the arms move where that is better.
+
+        Args:
+            aim: how thoroughly; default as the problem says. What was asked for in so many words
+                moves the arms to the best that was found, a tie or not.
+            tell: is told of progress.
+        """
+        problem = self.state.problem
+        planner, asked = self._planner(problem), aim or Aim()
+
+        with self.watched(tell) as watch:
+            solution = planner.solve(
+                problem=problem, effort=asked.effort, seed=asked.seed, verify=asked.verify
+            )
+            interrupted = watch.interrupted
+        if interrupted and aim is None:
+            return
+        outcome = self._outcome(planner, problem, solution)
+        if aim is None and self.state.reached and outcome["reached"]:
+            # What was refused is still to be read.
+            outcome["message"] = self.state.message
+        if aim is None and self.state.reached and not _better(solution, self.state):
+            outcome |= {"solution": self.state.solution, "shares": self.state.shares}
+        elif self.state.reached and solution.after is not None:
+            outcome["left"] = self._pass_over(planner, solution.after)
+        self._tell(**outcome)
+
+    def choose(self, joints: Joints) -> None:
+        """Put the arms where they hold the object, such as at a local optimum.
+
+        Raises:
+            InputError: the joints do not fit the arms.
+        """
+        problem = self.state.problem
+        solution = self._planner(problem).evaluate(joints, problem=problem)
+        if solution.status == "solved":
+            self._show(problem, solution, searched=False)
+        else:
+            self._tell(message=solution.reason or "")
+
+    def fail(self, words: str) -> None:
+        """Say that something went wrong; all else stays as it is."""
+        self._tell(message=words)
+
+    def planner(self) -> Planner:
+        """The planner of what is shown."""
+        return self._planner(self.state.problem)
+
+    def _step(self) -> Step:
+        """What is shown now, but for what was refused there."""
+        state = self.state
+        return Step(self.changes, replace(state, message="") if state.reached else state)
+
+    def _back(self, step: Step) -> None:
+        """Show what was shown at a step."""
+        self._changes = dict(step.changes)
+        self._tell(**{**vars(step.state), "undoable": bool(self._steps)})
+
+    def _keep(self, step: Step) -> None:
+        self._steps = [*self._steps[1 - _STEPS :], step]
+
+    def _changed(self, changes: Changes) -> Problem:
+        """The problem with changes, which count from now on."""
+        merged = {**self._changes}
+        for key, value in changes.items():
+            # What is changed again counts where it stands last.
+            merged.pop(key, None)
+            merged[key] = value
+        problem = self.document.problem(merged)
+        self._changes = merged
+        return problem
+
+    def _follow(self, planner: Planner, problem: Problem) -> None:
+        """Show the local optimum that the posture leads to, or why it cannot follow."""
+        posture, followed = self.state.posture, Followed(None, {})
+        if posture is not None:
+            followed = planner.follow(posture.joints, problem=problem)
+        if followed.solution is not None:
+            # Optima that a search has found elsewhere are none here.
+            self._show(problem, followed.solution, searched=False, optima=())
+            return
+        self._tell(
+            problem=problem, reached=False, searched=False, optima=(),
+            message=_missing(followed.gaps),
+        )  # fmt: skip
+
+    def _planner(self, problem: Problem) -> Planner:
+        """A planner of a problem's structure, built where there is none."""
+        for planner in self._planners:
+            if planner.fits(problem):
+                self._planners.remove(planner)
+                break
+        else:
+            planner = Planner(problem, movable=True)
+        self._planners = [*self._planners[1 - _PLANNERS :], planner]
+        return planner
+
+    def _following(self, problem: Problem) -> Planner:
+        """The planner at hand while something is moved: bodies that move with a base are as they
+        were until the hand rests.
+        """
+        return self._planners[-1] if self._planners else self._planner(problem)
+
+    def _start_value(self, planner: Planner) -> float | None:
+        """The objective at the start, by the settings that count now."""
+        start = self.state.start
+        if start is None:
+            return None
+        settings = {key: value for key, value in self._changes.items() if not _is_place(key)}
+        if self._measured is None or self._measured[0] != settings:
+            problem = self.document.problem({**self._start_places, **settings})
+            told = planner.evaluate(start.joints, problem=problem)
+            self._measured = settings, told.objective.after
+        return self._measured[1]
+
+    def _begin(self, solution: Solution) -> None:
+        """Start from the first posture that holds the object."""
+        self._start_places = {k: value for k, value in self._changes.items() if _is_place(k)}
+        self._measured = None
+        self.state = replace(self.state, start=solution.before or solution.after)
+
+    def _outcome(self, planner: Planner, problem: Problem, solution: Solution) -> dict[str, Any]:
+        """What a search changes of the state."""
+        search = solution.search
+        optima = () if search is None else _distinct(search.local_optima)
+        if solution.after is None:
+            shown = self.state.solution if self.state.solution.after is not None else solution
+            return {
+                "solution": shown, "optima": (), "reached": False, "searched": False,
+                "message": f"{solution.status}: {solution.reason}",
+            }  # fmt: skip
+        if self.state.start is None:
+            self._begin(solution)
+        return {
+            "solution": solution, "optima": optima, "reached": True, "searched": True,
+            "message": "", "left": None, "shares": self._shares(planner, problem, solution),
+            "start_value": self._start_value(planner),
+        }  # fmt: skip
+
+    def _pass_over(self, planner: Planner, end: Posture) -> Posture | None:
+        """Show the way to a better posture, where the arms can go there and hold the object; else
+        the posture that they leave.
+        """
+        state, start = self.state, self.state.solution.after
+        if start is None:
+            return None
+        way = self_motion_way(planner, state.problem, start.joints, end.joints, self.spare)
+        for q in way[1:-1]:
+            if not self.waited():
+                break
+            self._show(state.problem, planner.evaluate(q, problem=state.problem), searched=False)
+        return None if way else start
+
+    def _show(self, problem: Problem, solution: Solution, **changed: Any) -> None:
+        planner = self._following(problem)
+        self._tell(
+            problem=problem, solution=solution, reached=True, message="", left=None,
+            shares=self._shares(planner, problem, solution),
+            start_value=self._start_value(planner), **changed,
+        )  # fmt: skip
+
+    def _shares(
+        self, planner: Planner, problem: Problem, solution: Solution
+    ) -> dict[str, Array] | None:
+        if solution.after is None:
+            return None
+        return planner.holding_shares(solution.after.joints, problem=problem)
+
+    def _tell(self, **changed: Any) -> None:
+        changed.setdefault("undoable", bool(self._steps))
+        self.state = replace(self.state, **changed)
+        self.told(self.state)
+
+
+def _is_place(key: str) -> bool:
+    """Whether a key is of where something is, which the start has of its own."""
+    last = key.rpartition(".")[2]
+    return last in ("position", "rpy", "quaternion", "angle", "base", "grasp")
+
+
+def _better(solution: Solution, state: State) -> bool:
+    """Whether a search has found a better posture than the one that is shown."""
+    new, old = solution.objective.after, state.value
+    if new is None or old is None:
+        return new is not None
+    return new > old + _BETTER * max(1.0, abs(old))
+
+
+def _distinct(optima: Sequence[Optimum]) -> tuple[Optimum, ...]:
+    """The best local optima, of those with one value the first."""
+    found: list[Optimum] = []
+    for each in optima:
+        known = (one.objective for one in found)
+        if not any(abs(each.objective - one) <= _ALIKE * max(1.0, abs(one)) for one in known):
+            found.append(each)
+    return tuple(found[:_LISTED])
+
+
+def _missing(gaps: Mapping[str, Gap]) -> str:
+    """Which arms miss their grasps, and by how much."""
+    if not gaps:
+        return "the arms cannot follow here: limits on torques or bodies are in the way"
+    told = []
+    for name, gap in gaps.items():
+        turned = f" and {math.degrees(gap.angle):.3g}°" if gap.angle else ""
+        told.append(f"arm {name!r} misses its grasp by {gap.distance:.3g} m{turned}")
+    return "; ".join(told)

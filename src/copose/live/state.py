@@ -1,0 +1,72 @@
+"""The states of a page, the steps that an undo goes back to, and what a search aims at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from copose.live.document import Changes
+from copose.planning.running import EffortName
+from copose.poses import Array
+from copose.problem import Problem
+from copose.results import Optimum, Posture, Solution
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A problem, the posture that is shown and its values.
+
+    Attributes:
+        problem: as it would be saved.
+        solution: whose ``after`` is shown; of a problem that was never held, whose
+            ``nearest_miss``.
+        start: where the arms were when the page opened, or the first posture that held the object.
+        start_value: the objective there, by the settings of the solution; None where it has none.
+        shares: of each joint's torque limit while the object is held at rest, by arm; None where
+            that is not known.
+        optima: of the last search, the best first.
+        message: why the object cannot be where it is, or what else went wrong; empty if nothing.
+        reached: whether the arms hold the object where it is.
+        searched: whether the posture is the best of a search here.
+        left: the posture that a search has left for this one, where the arms would have to let go
+            to come from there; None else.
+        undoable: whether there is something to undo.
+    """
+
+    problem: Problem
+    solution: Solution
+    start: Posture | None = None
+    start_value: float | None = None
+    shares: dict[str, Array] | None = None
+    optima: tuple[Optimum, ...] = ()
+    message: str = ""
+    reached: bool = False
+    searched: bool = False
+    left: Posture | None = None
+    undoable: bool = False
+
+    @property
+    def posture(self) -> Posture | None:
+        """The drawn posture: the one that holds the object, else the nearest miss."""
+        return self.solution.after or self.solution.nearest_miss
+
+    @property
+    def value(self) -> float | None:
+        """The objective of the posture."""
+        return self.solution.objective.after
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A state that an undo goes back to."""
+
+    changes: Changes
+    state: State
+
+
+@dataclass(frozen=True)
+class Aim:
+    """The effort, seed and check of a search."""
+
+    effort: EffortName = "normal"
+    seed: int | None = None
+    verify: bool = False

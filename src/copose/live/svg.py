@@ -1,0 +1,165 @@
+"""Pieces of drawings in SVG, legible on light and on dark ground."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+from copose.poses import Array
+
+# Colours that stand out on white and on black.
+CURVE = "#2F8FD0"
+PRESENT = "#E8590C"
+BEST = "#E0A100"
+TOUCHING = "#D03030"
+OTHERS = ("#1FA37A", "#C76BA0", "#8C8C2E", "#7A6FD0", "#B0703C", "#5AA9C8")
+# Sizes of letters, px.
+LETTERS = 11
+SMALL = 9.5
+# About the width of a letter, of its size.
+_WIDE = 0.56
+# Radius of a star's inner corners, of its outer ones'.
+_INNER = 0.42
+# Roundings of the distance between ticks.
+_ROUND = (1.0, 2.0, 2.5, 5.0, 10.0)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A rectangle that numbers are drawn in.
+
+    Attributes:
+        left: of it, px; ``top``, ``width`` and ``height`` alike.
+        x: numbers at its left and right edge.
+        y: numbers at its lower and upper edge.
+    """
+
+    left: float
+    top: float
+    width: float
+    height: float
+    x: tuple[float, float]
+    y: tuple[float, float]
+
+    def across(self, x: float) -> float:
+        """The place of a number from left to right, px."""
+        return self.left + (x - self.x[0]) / (self.x[1] - self.x[0]) * self.width
+
+    def down(self, y: float) -> float:
+        """The place of a number from top to bottom, px."""
+        return self.top + (self.y[1] - y) / (self.y[1] - self.y[0]) * self.height
+
+    @property
+    def right(self) -> float:
+        """Its right edge, px."""
+        return self.left + self.width
+
+    @property
+    def bottom(self) -> float:
+        """Its lower edge, px."""
+        return self.top + self.height
+
+    def rectangle(self, attributes: str) -> str:
+        """The rectangle itself."""
+        return (f'<rect x="{self.left:.1f}" y="{self.top:.1f}" width="{self.width:.1f}" '
+                f'height="{self.height:.1f}" {attributes}/>')  # fmt: skip
+
+    def line(self, x: Array, y: Array, attributes: str) -> str:
+        """A line through points; none of fewer than two."""
+        if len(x) < 2:
+            return ""
+        pairs = zip(map(self.across, x), map(self.down, y), strict=True)
+        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in pairs)
+        return f'<polyline points="{points}" fill="none" {attributes}/>'
+
+
+def drawing(width: float, height: float, parts: Sequence[str], name: str) -> str:
+    """A whole drawing of some parts, with its name for those who do not see it."""
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" '
+        f'width="100%" style="max-width:{width:g}px;display:block" role="img" '
+        f'aria-label="{escape(name, quote=True)}" font-family="system-ui,sans-serif" '
+        f'font-size="{SMALL:g}" fill="currentColor">{"".join(parts)}</svg>'
+    )
+
+
+def text(x: float, y: float, what: str, anchor: str = "start", more: str = "") -> str:
+    """A line of letters; the anchor says which end of it is there."""
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" {more}>{escape(what)}</text>'
+
+
+def upright(x: float, y: float, what: str, anchor: str = "start", more: str = "") -> str:
+    """A line of letters from below upwards."""
+    return text(x, y, what, anchor, f'transform="rotate(-90 {x:.1f} {y:.1f})" {more}')
+
+
+def width_of(what: str, size: float = SMALL) -> float:
+    """About how wide a line of letters is, px."""
+    return _WIDE * size * len(what)
+
+
+def number(value: float, step: float = 0.0) -> str:
+    """A number for people; to the digit that a step between ticks has."""
+    if step > 0:
+        places = max(0, -math.floor(math.log10(step) + 1e-9))
+        places += not math.isclose(round(step, places), step, rel_tol=1e-6)
+        return f"{value:.{places}f}".replace("-", "−")
+    return f"{value:.4g}".replace("-", "−")
+
+
+def ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
+    """Round numbers from one to another, and how they are written."""
+    rough = (high - low) / max(1, most)
+    if not rough > 0:
+        return [(low, number(low))]
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = power * next(each for each in _ROUND if each * power >= rough * (1 - 1e-9))
+    places = np.arange(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1) * step
+    return [(float(x), number(float(x) + 0.0, step)) for x in places]
+
+
+def dot(x: float, y: float, radius: float = 4.5) -> str:
+    """Where the arms are."""
+    return (f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}" fill="{PRESENT}" '
+            f'stroke="#fff" stroke-width="1.3"/>')  # fmt: skip
+
+
+def star(x: float, y: float, radius: float = 6.0, colour: str = BEST) -> str:
+    """Where it is best."""
+    corners = []
+    for k in range(10):
+        r = radius * (1.0 if k % 2 == 0 else _INNER)
+        turn = math.pi * k / 5
+        corners.append(f"{x + r * math.sin(turn):.1f},{y - r * math.cos(turn):.1f}")
+    return (f'<polygon points="{" ".join(corners)}" fill="{colour}" stroke="#fff" '
+            f'stroke-width="1" paint-order="stroke"/>')  # fmt: skip
+
+
+def legend(
+    x: float, y: float, now: float | None, best: float | None, unit: str, rough: bool
+) -> str:
+    """A line that says what a dot and a star are worth."""
+    unit = "" if unit in ("", "1", "log") else f" {unit}"
+    parts = []
+    for mark, name, value in ((dot, "now", now), (star, "best", best)):
+        if value is None:
+            continue
+        about = "≈ " if rough else ""
+        said = f"{name} {about}{number(value)}{unit}"
+        parts += [mark(x + 5, y - 4), text(x + 14, y, said, more=f'font-size="{LETTERS}"')]
+        x += 14 + width_of(said, LETTERS) + 12
+    return "".join(parts)
+
+
+def hatch(name: str, colour: str, strength: float) -> str:
+    """A pattern of slanting lines to fill with."""
+    return (
+        f'<pattern id="{name}" width="6" height="6" patternUnits="userSpaceOnUse" '
+        f'patternTransform="rotate(45)"><rect width="6" height="6" fill="{colour}" '
+        f'fill-opacity="{strength / 2.5:.3g}"/><line x1="0" y1="0" x2="0" y2="6" '
+        f'stroke="{colour}" stroke-opacity="{strength:g}" stroke-width="1.6"/></pattern>'
+    )

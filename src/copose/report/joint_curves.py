@@ -1,0 +1,84 @@
+"""The joints of a motion as curves: where each is within its limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from copose.poses import Array
+from copose.results import JointRecord, Motion
+
+
+@dataclass(frozen=True, eq=False)
+class JointCurves:
+    """The joints of one arm over the knots of a motion.
+
+    Attributes:
+        values: each from −1 at its lower to 1 at its upper limit; of joints without limits in
+            turns, or in rad or m where no joint of the arm has any, (n, n_i).
+        bounded: whether a joint has limits, by joint.
+    """
+
+    values: Array
+    bounded: tuple[bool, ...]
+
+    @classmethod
+    def of(cls, motion: Motion, arm: str) -> JointCurves:
+        """The curves of an arm.
+
+        Args:
+            motion: with knots.
+            arm: its name.
+        """
+        assert motion.knots is not None
+        q = np.array([knot.joints[arm] for knot in motion.knots])
+        limits = motion.limits[arm]
+        bounded = tuple(map(_bounded, limits))
+        turn = 2 * np.pi if any(bounded) else 1.0
+        values = [
+            _range_share(q[:, i], record) if bounded[i] else q[:, i] / turn
+            for i, record in enumerate(limits)
+        ]
+        return cls(np.column_stack(values), bounded)
+
+    @property
+    def limited(self) -> bool:
+        """Whether any joint has limits."""
+        return any(self.bounded)
+
+    @property
+    def furthest(self) -> float:
+        """How far from 0 a drawing has to reach that shows the curves and their limits."""
+        return max(1.12, 1.05 * float(np.abs(self.values).max()))
+
+    @property
+    def unit(self) -> str:
+        """What the numbers are."""
+        if not self.limited:
+            return "rad or m"
+        return "share of range" + ("" if all(self.bounded) else "; dashed: turns")
+
+
+def spread(wanted: Array, apart: float) -> Array:
+    """The increasing numbers nearest to those wanted that are so far apart, Σ (x − w)² → min."""
+    offsets = apart * np.arange(len(wanted))
+    # Without the distances it is a regression that only may rise: merge what falls.
+    groups: list[list[float]] = []
+    for value in wanted - offsets:
+        groups.append([value])
+        while len(groups) > 1 and np.mean(groups[-2]) > np.mean(groups[-1]):
+            last = groups.pop()
+            groups[-1] += last
+    fitted = [float(np.mean(group)) for group in groups for _ in group]
+    return np.asarray(fitted + offsets)
+
+
+def _bounded(record: JointRecord) -> bool:
+    return record.lower is not None and record.upper is not None and record.upper > record.lower
+
+
+def _range_share(q: Array, record: JointRecord) -> Array:
+    assert record.lower is not None and record.upper is not None
+    middle, half = (record.upper + record.lower) / 2, (record.upper - record.lower) / 2
+    return np.asarray((q - middle) / half)
