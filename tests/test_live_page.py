@@ -20,7 +20,7 @@ pytest.importorskip("viser")
 
 import copose
 from copose.cli import main
-from copose.live import opening
+from copose.live import handle
 from copose.live.gizmos import Gizmo
 from copose.live.page import Page
 from copose.poses import Pose
@@ -293,7 +293,7 @@ def test_a_taken_port_is_told_in_one_line(taken: int, capsys: pytest.CaptureFixt
 def test_a_missing_extra_is_named_in_one_line(
     name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(opening, "find_spec", lambda sought: None if sought == name else sought)
+    monkeypatch.setattr(handle, "find_spec", lambda sought: None if sought == name else sought)
     assert main(["live", str(PLANAR), "--no-browser", "--port", "0"]) == 2
     out, error = capsys.readouterr()
     assert out == "" and error.count("\n") == 1

@@ -19,10 +19,10 @@ import copose
 from cells import FILES, tables, two_pandas
 from cells import toml as toml_text
 from copose.errors import InputError
-from copose.live import editing
-from copose.live.editing import text_of, text_with
-from copose.live.saving import problem_text, save_problem
+from copose.live import toml_text as edited
+from copose.live.problem_file import problem_text, save_problem
 from copose.live.tables import tables_of
+from copose.live.toml_text import text_of, text_with
 from copose.problem import Problem, held, overridden
 from copose.problem import parse as parse_complete
 from reference import PROBLEMS
@@ -273,7 +273,7 @@ def test_dotted_keys_that_go_leave_the_others() -> None:
 def test_what_tomlkit_gets_wrong_is_written_without_comments(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(editing, "_merge", lambda document, *_: document.clear())
+    monkeypatch.setattr(edited, "_merge", lambda document, *_: document.clear())
     found = text_with(ODD, tomllib.loads(ODD) | {"name": "even"})
     assert "#" not in found
     assert tomllib.loads(found) == tomllib.loads(ODD) | {"name": "even"}
@@ -473,7 +473,7 @@ import sys, tomllib
 from pathlib import Path
 sys.modules["tomlkit"] = None
 import copose
-from copose.live.saving import save_problem
+from copose.live.problem_file import save_problem
 file = Path({str(file)!r})
 of_file = copose.load(file, set={{"object.mass": 3}})
 of_tables = copose.parse(tomllib.loads(file.read_text()))

@@ -471,7 +471,7 @@ def _export(arguments: argparse.Namespace) -> int:
 
 def _live(arguments: argparse.Namespace) -> int:
     with watching(arguments):
-        from copose.live.opening import check_installed
+        from copose.live.handle import check_installed
 
         check_installed()
         problem = _load(arguments)

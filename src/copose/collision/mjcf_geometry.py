@@ -55,7 +55,7 @@ def mjcf_geometry(tree: Tree) -> Geometry:
 
 
 def mjcf_looks(tree: Tree) -> dict[str, tuple[tuple[Part, ...], ...]]:
-    """What can be shown of a model's bodies, by name: geoms that nothing touches and that
+    """Shapes by which a model's bodies are shown, by name: geoms that nothing touches and that
     MuJoCo's own viewer shows, else all that it shows, else all.
     """
     reader = _Reader(tree.model)

@@ -172,8 +172,8 @@ def robot_solids(problem: Problem, arms: Sequence[Arm]) -> LinkSolids:
 
 
 def robot_looks(problem: Problem, arms: Sequence[Arm]) -> list[LinkLook]:
-    """What can be shown of the links of a problem's robots; of robots whose links cannot be placed
-    nothing. No mesh file of a URDF is read yet.
+    """Shapes by which the links of a problem's robots are shown; none of robots whose links cannot
+    be placed. No mesh file of a URDF is read yet.
 
     Raises:
         InputError: a robot cannot be read.

@@ -94,7 +94,7 @@ def link_solids(problem: Problem, arms: Sequence[Arm]) -> LinkSolids:
 
 
 def link_looks(problem: Problem, arms: Sequence[Arm]) -> list[LinkLook]:
-    """What can be shown of the links of all arms; no mesh file is read yet.
+    """Shapes by which the links of all arms are shown; no mesh file is read yet.
 
     Raises:
         InputError: a robot cannot be read.

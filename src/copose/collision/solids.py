@@ -288,7 +288,7 @@ class LinkSolids:
 
 @dataclass(frozen=True, eq=False)
 class LinkLook:
-    """What may be shown of a link.
+    """Shapes by which a link may be shown.
 
     Attributes:
         name: the link's.

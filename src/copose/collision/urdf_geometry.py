@@ -60,7 +60,7 @@ def urdf_geometry(robot: Robot, *, measured: bool) -> Geometry:
 
 
 def urdf_looks(robot: Robot) -> dict[str, tuple[tuple[Part, ...], ...]]:
-    """What can be shown of a URDF's links, by name: visual elements, else collision elements.
+    """Shapes by which a URDF's links are shown, by name: visual elements, else collision elements.
 
     No mesh file is read yet; elements that name none are left out.
     """

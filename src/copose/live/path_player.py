@@ -9,7 +9,7 @@ import viser
 
 from copose.errors import InputError
 from copose.live.files import file_named
-from copose.live.path_drawing import PathDrawing
+from copose.live.path_lines import PathDrawing
 from copose.live.path_motion import PathMotion
 from copose.live.path_panel import PathPanel
 from copose.live.session import Session

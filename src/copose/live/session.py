@@ -13,7 +13,7 @@ from copose.live.document import Changes, Document
 from copose.live.state import Aim, State, Step
 from copose.live.transition import self_motion_way
 from copose.planning import Planner
-from copose.planning.following import Followed, Gap
+from copose.planning.gaps import Followed, Gap
 from copose.poses import Array
 from copose.problem import Problem
 from copose.progress import Tell, Watch, watched

@@ -20,8 +20,8 @@ from copose.planning.branches import held_postures
 from copose.planning.cell import Cell
 from copose.planning.closing import CLOSED, project
 from copose.planning.evaluating import faults
-from copose.planning.following import Followed, nearest_gaps
 from copose.planning.freedom import Freedom
+from copose.planning.gaps import Followed, nearest_gaps
 from copose.planning.landscape import Landscape, landscape
 from copose.planning.machinery import Machinery, Setting
 from copose.planning.measuring import Measures

@@ -21,8 +21,8 @@ from copose.collision import Mesh, MeshFile, Part, Primitive
 from copose.errors import InputError
 from copose.kernels.cache import store, stored
 from copose.poses import Array, Indices
+from copose.viewer.skins import wrapped
 from copose.viewer.solids import Triangles, box, capsule, cylinder, joined
-from copose.viewer.wrapping import wrapped
 
 # Most triangles of a link.
 BUDGET = 1500

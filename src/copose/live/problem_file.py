@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from copose.errors import InputError
-from copose.live.editing import text_of, text_with
 from copose.live.tables import grafted, tables_of
+from copose.live.toml_text import text_of, text_with
 from copose.loader import parse, taught
 from copose.problem import Problem, read_text, tables_in
 from copose.results import write_file
