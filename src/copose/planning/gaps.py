@@ -17,7 +17,7 @@ from copose.results import Solution
 # Closures farther apart than this are misses, m or rad.
 _MISSED = 1e-6
 # Postures beside the present one from which the nearest is sought.
-_BESIDE = 3
+_BESIDE = 1
 # Standard deviation of their joints, rad or m.
 _SPREAD = 0.3
 

@@ -99,7 +99,8 @@ class CellScene:
         """Move everything to where a posture has it; no mesh is sent again."""
         if not self.size:
             self.fit(posture)
-        self.robots.show(posture)
+        if posture is not self._shown:
+            self.robots.show(posture)
         place = object_pose(posture)
         move(self.object, place)
         self._shown = posture
