@@ -131,7 +131,7 @@ def six_axis_arms(name: str, seed: int) -> dict:
     return table | {"constraints": {"collision": True, "clearance": CLEARANCE}}
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("name", "seed"), [(name, seed) for name in ("ur5", "ur10", "z1") for seed in range(7)][:20]
 )

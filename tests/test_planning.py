@@ -110,15 +110,13 @@ def test_known_optima(name: str, expected: float) -> None:
     assert solution.objective.after == pytest.approx(expected, abs=1e-6)
 
 
-@pytest.mark.parametrize("first", range(0, 50, 10))
-@pytest.mark.few(1)
-def test_two_pandas_are_closed_from_ten_seeds(first: int) -> None:
+def test_two_pandas_are_closed_from_fifty_seeds() -> None:
     """Closed to 1e-8 by Pinocchio, no hand flipped, within limits, never worse than before."""
     cell = two_pandas()
     planner = copose.Planner(parse(cell))
     truth = Truth(cell, {arm.name: list(arm.joint_names) for arm in Cell.of(parse(cell)).arms})
     best = 0
-    for seed in range(first, first + 10):
+    for seed in range(50):
         solution = planner.solve(seed=seed)
         assert solution.status == "solved", solution.reason
         for posture in (solution.before, solution.after):
@@ -131,7 +129,7 @@ def test_two_pandas_are_closed_from_ten_seeds(first: int) -> None:
                 )
         assert solution.objective.after >= solution.objective.before
         best += abs(solution.objective.after + 0.216980) < 1e-6
-    assert best >= 9
+    assert best >= 45
 
 
 @pytest.mark.parametrize("space", ["planar-linear", "planar"])

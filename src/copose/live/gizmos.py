@@ -103,7 +103,7 @@ class Gizmo:
         return {key(*path, what): value for what, value in place(pose, planar=planar).items()}
 
     def _waypoint_changes(self, problem: Problem, pose: Pose) -> Changes:
-        """Where a waypoint is shifted or turned: what it leaves out and keeps stays left out."""
+        """The keys of a waypoint that a drag changes: no others are added to the file."""
         planar = problem.space.planar
         before = place(self.pose(problem), planar=planar)
         return {

@@ -54,7 +54,7 @@ class LivePage:
 
     @property
     def state(self) -> State:
-        """All that is shown."""
+        """The state of the page: problem, posture, value and messages."""
         return self._page.state
 
     def drag(self, place: Mapping[str, object], kind: str = "object", name: str = "") -> None:

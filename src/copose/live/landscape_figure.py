@@ -165,7 +165,7 @@ def _runs(mask: Mask) -> list[tuple[int, int]]:
 
 
 def _zones(frame: Frame, curve: SelfMotionCurve) -> Iterator[str]:
-    """What is beyond limits, and where something touches or torques do not hold."""
+    """Hatched bands beyond limits, and marks where something touches or torques do not hold."""
     ends = [frame.x[0], *(end for piece in curve.pieces for end in piece), frame.x[1]]
     zones = [("", low, high) for low, high in zip(ends[::2], ends[1::2], strict=True)]
     s, inside, clear = curve.positions, curve.inside, curve.clear

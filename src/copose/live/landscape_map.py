@@ -142,7 +142,7 @@ def _picture(landscape: Landscape, low: float, high: float) -> str:
 
 
 def _allowed(landscape: Landscape, times: list[int]) -> Mask:
-    """Which pixels are allowed: limits to the pixel, and the rest cell by cell."""
+    """Mask of allowed pixels: limits to the pixel, and the rest cell by cell."""
     curves, each = (landscape.first, landscape.second), (landscape.rows, landscape.columns)
     one, other = (curve.within(s) for curve, s in zip(curves, each, strict=True))
     blocked = one[:, None] & other & ~landscape.allowed
@@ -199,7 +199,7 @@ def _axes(frame: Frame) -> Iterator[str]:
 
 
 def _bar(frame: Frame, low: float, high: float, unit: str) -> Iterator[str]:
-    """What the colours mean."""
+    """The bar that tells values by their colours."""
     left, steps = frame.right + 7, len(_COLOURS) - 1
     stops = "".join(
         f'<stop offset="{k / steps:.3f}" stop-color="#{colour}"/>'
