@@ -365,3 +365,9 @@ def test_optima_of_another_place_are_not_offered(planar: Session) -> None:
     assert planar.state.optima == ()
     planar.search()
     assert planar.state.optima
+
+
+def test_a_search_that_finds_nothing_better_moves_no_arm(planar: Session) -> None:
+    shown = planar.state.solution
+    planar.search()
+    assert planar.state.solution is shown and planar.state.searched
