@@ -29,7 +29,7 @@ from collision import obstacle, without
 
 import copose
 from copose.collision import Scene
-from copose.paths import PathPlanner
+from copose.motion import PathPlanner
 from copose.results import Motion
 from copose.robots import load_arms
 from object_path import ObjectPath

@@ -29,7 +29,7 @@ from machine import facts
 from truth import Array
 
 import copose
-from copose.paths import PathPlanner
+from copose.motion import PathPlanner
 from reference import PROBLEMS
 
 HERE = Path(__file__).parent

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from copose.planning.arm_kernels import ArmKernels, Placer
-from copose.planning.cell import Cell
-from copose.planning.closing import CLOSED, project
+from copose.cell.cell import Cell
 from copose.robots import finite_range
+from copose.self_motion.kernels import ArmKernels, KernelInputsBuilder
+from copose.self_motion.projection import CLOSED, project
 from reference import PROBLEMS
 
 PANDA = "example-robot-data://panda_description/urdf/panda.urdf"
@@ -21,7 +21,9 @@ FILES = sorted(PROBLEMS.glob("*.toml"))
 def closed_postures(ready: Cell, i: int, count: int = 512, seed: int = 0) -> np.ndarray:
     """Random postures of arm i, drawn and projected within its limits, that hold the object."""
     kernels = ArmKernels.of(ready.system.arms[i], ready.resolution)
-    goal = Placer(ready.system, ready.resolution, ready.scales)(ready.parameters).goals[i]
+    goal = KernelInputsBuilder(ready.system, ready.resolution, ready.scales)(
+        ready.parameters
+    ).goals[i]
     low, high = finite_range(ready.lower[i], ready.upper[i])
     drawn = np.random.default_rng([seed, i]).uniform(low, high, (count, len(low)))
     q, gaps = project(kernels, drawn, goal, ready.lower[i], ready.upper[i])

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from cells import planar, two_pandas
 from copose.capability import RESOLUTIONS, Ellipsoid, log_ball_volume, own_torque_map, torque_map
+from copose.cell.cell import Cell
+from copose.measurement.meter import Meter
 from copose.mechanics import System, object_parameters
-from copose.planning.cell import Cell
-from copose.planning.measuring import Meter
 from copose.problem import parse
 from copose.robots import load_arms
 

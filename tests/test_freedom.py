@@ -17,10 +17,10 @@ from hypothesis import strategies as st
 import copose
 import reference
 from cells import planar, tables, two_pandas
+from copose.cell.cell import Cell
+from copose.cell.freedom import Freedom
 from copose.errors import InputError
 from copose.mechanics.held_object import N_PARAMETERS
-from copose.planning.cell import Cell
-from copose.planning.freedom import Freedom
 from copose.poses import Pose
 from copose.problem import parse
 from copose.results import Solution, to_json

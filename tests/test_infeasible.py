@@ -10,12 +10,12 @@ import pytest
 
 import copose
 from cells import planar
-from copose.paths.lattice import Lattice, Moves
-from copose.paths.routes import Finder, Worth
-from copose.planning.cell import Cell
-from copose.planning.machinery import Machinery
-from copose.planning.reach_bounds import ReachBound, excluded
-from copose.planning.self_motion import ArmSample, ArmSampler
+from copose.cell.cell import Cell
+from copose.motion.graph.dynamic_programming import Lattice, Moves
+from copose.motion.graph.routes import RouteCost, RouteFinder
+from copose.posture.model import PostureModel
+from copose.robots.reach_bounds import ReachBound, excluded
+from copose.self_motion.sampling import ArmSample, ArmSampler
 from path_problems import single_hinged
 
 
@@ -25,7 +25,7 @@ def bounded(cell: dict, limits: np.ndarray) -> tuple[bool, np.ndarray]:
     """
     cell["arms"][0]["position_limits"] = limits.tolist()
     ready = Cell.of(copose.parse(cell))
-    machinery = Machinery(ready)
+    machinery = PostureModel(ready)
     goal = machinery.setting(ready).placement.goals[0]
     told = excluded(
         ready.arms[0], machinery.arms[0], ready.lower[0], ready.upper[0], goal,
@@ -68,7 +68,7 @@ def test_links_that_are_too_short_are_told_by_how_much() -> None:
     cell = planar(1, 5)
     cell["object"]["position"] = [5.0, 0.1]
     ready = Cell.of(copose.parse(cell))
-    goal = Machinery(ready).setting(ready).placement.goals[0]
+    goal = PostureModel(ready).setting(ready).placement.goals[0]
     base = np.array(cell["arms"][0]["base"]["position"])
     gap = np.linalg.norm(np.array([4.85, 0.1]) - base) - 5 * 0.4
     bound = ReachBound.of(ready.arms[0], ready.lower[0], ready.upper[0])
@@ -112,11 +112,11 @@ def closing(values: list[np.ndarray], moves: list[list[np.ndarray]]) -> list:
     arm = SimpleNamespace(
         layers=[SimpleNamespace(q=q)] * len(values), apart=lambda many, other: many - other
     )
-    finder = Finder.__new__(Finder)
+    finder = RouteFinder.__new__(RouteFinder)
     finder._roadmaps = (arm, arm)
     finder._ends = [np.arange(count)] * 2
     finder._count = len(values)
-    finder._worth = Worth("mean", 0.0, 1.0, (np.ones(1), np.ones(1)))
+    finder._worth = RouteCost("mean", 0.0, 1.0, (np.ones(1), np.ones(1)))
     one, other = ([Moves(costs) for costs in mine] for mine in moves)
     return finder._closed((0, 1), Lattice(values, one, other))
 

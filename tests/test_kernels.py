@@ -14,10 +14,10 @@ import pytest
 
 import copose
 from cells import planar, two_pandas
+from copose.cell.cell import Cell
 from copose.kernels import Kernel, build, cache
-from copose.planning.arm_kernels import ArmKernels
-from copose.planning.cell import Cell
 from copose.problem import parse
+from copose.self_motion.kernels import ArmKernels
 
 needs_compiler = pytest.mark.skipif(cache.compiler() is None, reason="no C compiler here")
 
@@ -103,7 +103,7 @@ def test_the_answer_does_not_wait_and_one_process_compiles(home: Path) -> None:
 @needs_compiler
 def test_arms_of_one_model_share_their_kernels() -> None:
     planner = copose.Planner(parse(two_pandas()))
-    assert planner._machinery.arms[0] is planner._machinery.arms[1]
+    assert planner._model.arms[0] is planner._model.arms[1]
 
 
 @needs_compiler

@@ -163,7 +163,7 @@ def test_the_present_posture_is_where_it_is_said_to_be(pandas, two_arms) -> None
 @pytest.mark.parametrize("cell", ["pandas", "two_arms"])
 def test_limits_cut_where_a_joint_meets_its_own(cell, request) -> None:
     _, planner, _, _, landscape = request.getfixturevalue(cell)
-    arms = {arm.name: arm for arm in planner._machinery.cell.arms}
+    arms = {arm.name: arm for arm in planner._model.cell.arms}
     met = 0
     for curve in (*every_curve(landscape.first), *every_curve(landscape.second)):
         arm = arms[curve.arm]
@@ -301,7 +301,7 @@ def test_bodies_in_the_way_are_told() -> None:
             link["radius"] = 0.06
     planner, _, joints = solved(cell)
     landscape = planner.landscape(joints, "a1", "a2")
-    machinery, setting = planner._machinery, planner._nominal
+    machinery, setting = planner._model, planner._nominal
     one = landscape.first.postures(landscape.rows[::8])
     other = landscape.second.postures(landscape.columns[::8])
     q = np.hstack([np.repeat(one, len(other), axis=0), np.tile(other, (len(one), 1))])

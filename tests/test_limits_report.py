@@ -15,7 +15,7 @@ from rich.console import Console
 
 import copose
 from cells import closed_postures, planar, two_pandas
-from copose.planning.cell import Cell
+from copose.cell.cell import Cell
 from copose.problem import parse
 from copose.report import compare, comparison_table, picture, solution_table, style
 from copose.report.exact_sets import SetPicture, draw_set, set_pictures

@@ -10,15 +10,15 @@ import pytest
 
 import copose
 from cells import closed_postures, planar, tables, toml
+from copose.cell.cell import Cell
 from copose.cli import main
-from copose.planning import search
-from copose.planning.cell import Cell
-from copose.planning.closing import project
-from copose.planning.judging import judged
-from copose.planning.limits_measures import Payload
-from copose.planning.machinery import Machinery
-from copose.planning.screening import Screened
+from copose.objectives.limits_measures import Payload
+from copose.posture.model import PostureModel
+from copose.posture.search import global_search as search
+from copose.posture.search.ranking import judged
+from copose.posture.search.screening import Screened
 from copose.problem import parse
+from copose.self_motion.projection import project
 from test_torque_limits import SPACES, cell_of, postures
 
 KINDS = {
@@ -190,7 +190,7 @@ def test_the_same_seed_gives_the_same_bits_and_a_moved_object_builds_nothing() -
 
 def beside(planner: copose.Planner, solution, count: int, scale: float) -> np.ndarray:
     """Objectives of closed postures around an answer."""
-    machinery, setting = planner._machinery, planner._nominal
+    machinery, setting = planner._model, planner._nominal
     rng = np.random.default_rng(0)
     parts = []
     arms = zip(machinery.arms, solution.after.joints.values(), strict=True)
@@ -220,7 +220,7 @@ def test_what_compares_accelerations_is_the_ellipsoid_about_the_centre(space: st
     cell = cell_of(space, objective=objective("acceleration", space), ellipsoid={"gravity": True})
     truth, drawn = postures(cell, 4)
     ready = Cell.of(parse(cell))
-    machinery = Machinery(ready)
+    machinery = PostureModel(ready)
     setting = machinery.setting(ready)
     u, T = np.array(cell["objective"]["direction"]), truth.torque_limits()
     for joints in drawn:
@@ -239,7 +239,7 @@ def test_what_compares_holds_is_the_least_norm(space: str) -> None:
     truth, drawn = postures(cell, 4)
     ready = Cell.of(parse(cell))
     rest = np.zeros(len(truth.rows))
-    machinery = Machinery(ready, Payload(ready.torque_limits, rest, ready.problem.space))
+    machinery = PostureModel(ready, Payload(ready.torque_limits, rest, ready.problem.space))
     setting = machinery.setting(ready)
     T = truth.torque_limits()
     for joints in drawn:

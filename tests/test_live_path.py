@@ -23,7 +23,7 @@ from copose.live.path_motion import PathMotion
 from copose.live.path_words import instant, instant_headline, motion_headline
 from copose.live.session import Session
 from copose.loader import parse
-from copose.paths.journey import waypoint_poses
+from copose.motion.path.object_motion import waypoint_poses
 from copose.poses import Pose
 from copose.problem import Problem
 from object_path import ObjectPath

@@ -15,8 +15,8 @@ from copose.live.gizmos import Gizmo, robot_mates
 from copose.live.session import Session
 from copose.live.state import Aim, State
 from copose.live.worker import Worker
-from copose.planning import Planner
 from copose.poses import Pose
+from copose.posture import Planner
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 PLANAR = PROBLEMS / "paper-fig2.toml"

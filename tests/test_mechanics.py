@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from cells import PANDA, planar, two_pandas
+from copose.cell.cell import Cell
 from copose.mechanics import System, object_parameters
-from copose.planning.cell import Cell
-from copose.planning.hessian import differenced_hessian
-from copose.planning.machinery import Machinery
+from copose.posture.model import PostureModel
+from copose.posture.solvers.hessian import differenced_hessian
 from copose.problem import parse
 from copose.robots import load_arms
 from reference import Problem, UrdfArm
@@ -165,7 +165,7 @@ def test_gradients_equal_central_differences(space: str, kind: str, resolution: 
         tables["objective"]["directions"] = [{"direction": list(range(1, m + 1)), "weight": 0.7}]
     tables["ellipsoid"] = {"resolution": resolution}
     cell = Cell.of(parse(tables))
-    machinery = Machinery(cell)
+    machinery = PostureModel(cell)
     objective, nlp = machinery.objective, machinery.program.expressions
     stacked = ca.vertcat(nlp["f"], nlp["g"])
     values = ca.Function("values", [nlp["x"], nlp["p"]], [stacked])
@@ -215,7 +215,7 @@ def test_closure_vanishes_at_the_goal_and_not_at_a_flipped_hand() -> None:
 
 def test_the_hessian_equals_central_differences_of_the_gradient() -> None:
     cell = Cell.of(parse(planar(2, 4, "planar")))
-    nlp = Machinery(cell).program.expressions
+    nlp = PostureModel(cell).program.expressions
     hessian = differenced_hessian(nlp, nlp["x"].shape[0])
     rng = np.random.default_rng(2)
     q, weights = rng.uniform(-1.2, 1.2, nlp["x"].shape[0]), rng.normal(size=nlp["g"].shape[0])

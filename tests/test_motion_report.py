@@ -331,7 +331,7 @@ def answer(tmp_path: Path, monkeypatch) -> dict:
         told.update(problem=problem.name, seed=seed)
         return told["motion"]
 
-    monkeypatch.setitem(sys.modules, "copose.paths", types.SimpleNamespace(plan=plan))
+    monkeypatch.setitem(sys.modules, "copose.motion", types.SimpleNamespace(plan=plan))
     monkeypatch.chdir(tmp_path)
     Path("p.toml").write_text(toml(planar(name="my cell")))
     return told

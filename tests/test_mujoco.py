@@ -8,7 +8,7 @@ from functools import cache
 
 import copose
 import path_problems
-from copose.paths import plan
+from copose.motion import plan
 from copose.results import to_json
 from path_truth import faults
 from playback import played

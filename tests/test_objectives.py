@@ -12,11 +12,11 @@ import pytest
 import copose
 from cells import closed_postures, planar, tables, two_pandas
 from copose.capability import Ellipsoid
-from copose.planning.aims import objective_of
-from copose.planning.cell import Cell
-from copose.planning.machinery import Machinery
-from copose.planning.measuring import Meter
-from copose.planning.program import Given
+from copose.cell.cell import Cell
+from copose.measurement.meter import Meter
+from copose.objectives.build import objective_of
+from copose.posture.model import PostureModel
+from copose.posture.solvers.nlp import Given
 from copose.problem import parse
 from reference import Problem as Truth
 from test_resolutions import SIZES, SPACES, cell_of
@@ -68,7 +68,7 @@ def test_twenty_of_twenty_closed_starts_converge(
     cell = cell_of(space, resolution=resolution, torque_scaling=scaling)
     cell["objective"] = objectives(SIZES[space])[kind]
     ready = Cell.of(parse(cell))
-    machinery = Machinery(ready)
+    machinery = PostureModel(ready)
     objective, program = machinery.objective, machinery.program
     samples = [closed_postures(ready, i) for i in range(2)]
     bounds = np.concatenate(ready.lower), np.concatenate(ready.upper)
@@ -161,7 +161,7 @@ def test_directions_and_weights_are_parameters_of_the_program() -> None:
         {"direction": [0.0, 1.0], "weight": 1.3},
     ]
     ready = Cell.of(parse(one))
-    built, fresh = Machinery(ready), Machinery(Cell.of(parse(other)))
+    built, fresh = PostureModel(ready), PostureModel(Cell.of(parse(other)))
     start = np.concatenate([arm.start for arm in ready.arms])
     bounds = np.concatenate(ready.lower), np.concatenate(ready.upper)
     first = built.program.solve(start, [Given(ready.parameters, built.objective.numbers)], *bounds)

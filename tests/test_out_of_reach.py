@@ -14,12 +14,12 @@ from scipy.optimize import least_squares
 
 import copose
 from cells import planar, tables
-from copose.planning.arm_kernels import ArmKernels
-from copose.planning.cell import Cell
-from copose.planning.least_squares import nearest
-from copose.planning.machinery import Machinery
-from copose.planning.reach_bounds import ReachBound
+from copose.cell.cell import Cell
+from copose.posture.model import PostureModel
 from copose.robots import finite_range, load_arms
+from copose.robots.reach_bounds import ReachBound
+from copose.self_motion.kernels import ArmKernels
+from copose.self_motion.least_squares import nearest
 from reference import UrdfArm
 
 
@@ -73,7 +73,7 @@ def test_the_bound_of_a_panda_is_what_its_shoulder_and_wrist_leave(
     cell = tables("two-panda-box")
     cell["object"]["position"][2] = height
     ready = Cell.of(copose.parse(cell))
-    goal = Machinery(ready).setting(ready).placement.goals[0]
+    goal = PostureModel(ready).setting(ready).placement.goals[0]
     shoulder, elbow = np.array([0, 0, 0.333]), np.hypot([0.316, 0.384], 0.0825).sum()
     x, y, z = pin.Quaternion(goal[4], goal[5], goal[6], goal[3]).toRotationMatrix().T
     away = shoulder - (goal[:3] - 0.107 * z)
@@ -90,8 +90,8 @@ def test_nearest_misses_are_those_of_scipy(links: int, space: str) -> None:
     cell["object"]["position"] = [1.6, 0.9]
     cell["arms"][0]["position_limits"] = [[-1.0, 1.2]] * links
     ready = Cell.of(copose.parse(cell))
-    kernels: ArmKernels = Machinery(ready).arms[0]
-    goal = Machinery(ready).setting(ready).placement.goals[0]
+    kernels: ArmKernels = PostureModel(ready).arms[0]
+    goal = PostureModel(ready).setting(ready).placement.goals[0]
     lower, upper = ready.lower[0], ready.upper[0]
     drawn = np.random.default_rng(1).uniform(0.9 * lower, 0.9 * upper, (12, links))
     weights = np.arange(1.0, 1.0 + kernels.m)

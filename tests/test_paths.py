@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 
 import copose
 from cells import planar, tables, toml, two_pandas
+from copose.cell.cell import Cell
 from copose.cli import main
-from copose.paths.checking import between_bodies
-from copose.paths.course import Course
-from copose.paths.journey import Journey
-from copose.paths.lattice import Lattice, Moves
-from copose.paths.roadmap import SPACING, Roadmap
-from copose.paths.tracking import Tracked, tracked
-from copose.planning.cell import Cell
-from copose.planning.machinery import Machinery
+from copose.motion.curve.between_knots import between_bodies
+from copose.motion.dynamics.least_norm import Tracked, tracked
+from copose.motion.graph.dynamic_programming import Lattice, Moves
+from copose.motion.graph.roadmap import SPACING, Roadmap
+from copose.motion.path.knots import Course
+from copose.motion.path.object_motion import ObjectMotion
+from copose.posture.model import PostureModel
 from object_path import ObjectPath
 from path_problems import GRAVITY, along, carried, hinged, single_hinged
 
@@ -247,8 +247,8 @@ def test_a_start_on_long_self_motions_is_followed() -> None:
     cell = tables("xarm-bar")
     cell["path"] = {"waypoints": [{}, {}]}
     problem = copose.parse(cell)
-    machinery = Machinery(Cell.of(problem))
-    course = Course.of(machinery, Journey.of(problem), np.linspace(0, 1, 61))
+    machinery = PostureModel(Cell.of(problem))
+    course = Course.of(machinery, ObjectMotion.of(problem), np.linspace(0, 1, 61))
     for i in range(2):
         sample = Roadmap(machinery, course, i, 0, None, None, returns=False)
         start = sample.layers[0].q[0]
@@ -289,7 +289,7 @@ def test_the_object_goes_where_the_law_says(seed: int, flat: bool) -> None:
         # What a waypoint leaves out is the previous one's.
         waypoints.append({key: value for key, value in whole.items() if rng.random() < 0.8})
     cell["path"] = {"waypoints": waypoints, "duration": 1.0}
-    journey, law = Journey.of(copose.parse(cell)), ObjectPath(cell)
+    journey, law = ObjectMotion.of(copose.parse(cell)), ObjectPath(cell)
     phases = rng.uniform(0, 1, 20)
     positions, quaternions = journey.places(phases)
     for phase, position, quaternion in zip(phases, positions, quaternions, strict=True):
@@ -307,11 +307,11 @@ def test_the_object_goes_where_the_law_says(seed: int, flat: bool) -> None:
 
 def test_least_norm_tracking_stops_at_either_limit_and_where_it_is_too_fast() -> None:
     cell = single_hinged()
-    journey, first = Journey.of(copose.parse(cell)), joints(planned(cell))[0]
+    journey, first = ObjectMotion.of(copose.parse(cell)), joints(planned(cell))[0]
 
     def follow(**limits: object) -> Tracked:
         problem = copose.parse(limited(single_hinged(), **limits))
-        return tracked(Machinery(Cell.of(problem)), journey, [first], 25, 2.0)
+        return tracked(PostureModel(Cell.of(problem)), journey, [first], 25, 2.0)
 
     free = follow()
     assert free.reason is None and len(free.q) == 25
@@ -339,7 +339,7 @@ def test_what_comes_too_near_between_knots_is_seen() -> None:
     for collision, expected in ((False, None), (True, True)):
         cell |= {"obstacles": [post], "constraints": {"collision": collision}}
         problem = copose.parse(cell)
-        machinery, journey = Machinery(Cell.of(problem)), Journey.of(problem)
+        machinery, journey = PostureModel(Cell.of(problem)), ObjectMotion.of(problem)
         found = between_bodies(machinery, journey, machinery.split(q), machinery.split(0 * q), 2.0)
         assert (found.distance is None) == (expected is None)
         assert (found.missing > 0) == bool(expected)

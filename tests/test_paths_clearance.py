@@ -6,30 +6,32 @@ import numpy as np
 import pytest
 
 import copose
+from copose.cell.cell import Cell
 from copose.collision import Primitive
-from copose.paths.checking import _INSTANTS, _Way, between_bodies
-from copose.paths.clearance_rows import ClearanceRows
-from copose.paths.course import Course, uniform
-from copose.paths.journey import Journey
-from copose.planning.cell import Cell
-from copose.planning.clearance import SPARE
-from copose.planning.machinery import Machinery
+from copose.constraints.clearance import SPARE
+from copose.motion.curve.between_knots import _INSTANTS, _Way, between_bodies
+from copose.motion.nlp.clearance_rows import ClearanceRows
+from copose.motion.path.knots import Course, uniform
+from copose.motion.path.object_motion import ObjectMotion
+from copose.posture.model import PostureModel
 from path_problems import carried, hinged
 
 POST = {"name": "post", "shape": {"kind": "cylinder", "radius": 0.05, "length": 0.4}}
 
 
-def among(cell: dict, clearance: float = 0.01) -> tuple[Machinery, Journey]:
+def among(cell: dict, clearance: float = 0.01) -> tuple[PostureModel, ObjectMotion]:
     problem = copose.parse(cell | {"constraints": {"collision": True, "clearance": clearance}})
-    return Machinery(Cell.of(problem)), Journey.of(problem)
+    return PostureModel(Cell.of(problem)), ObjectMotion.of(problem)
 
 
 @pytest.fixture(scope="module")
-def pandas() -> tuple[Machinery, Journey]:
+def pandas() -> tuple[PostureModel, ObjectMotion]:
     return among(carried() | {"obstacles": [POST | {"position": [0.4, 0.5, 0.6]}]})
 
 
-def way(cell: tuple[Machinery, Journey], seed: int, size: float, count: int = 4, kind: str = ""):
+def way(
+    cell: tuple[PostureModel, ObjectMotion], seed: int, size: float, count: int = 4, kind: str = ""
+):
     """Joints and rates at knots, cubic from knot to knot, and the motion of it: drawn, or
     ``steady``, or ``back`` at every knot where it was.
     """
@@ -150,7 +152,7 @@ def test_supports_are_what_points_reach(shape: Primitive) -> None:
     assert reach == pytest.approx(shape.support(directions), abs=1e-3)
 
 
-def least(cell: tuple[Machinery, Journey], motion: _Way, times: int) -> float:
+def least(cell: tuple[PostureModel, ObjectMotion], motion: _Way, times: int) -> float:
     instants = np.unique(np.linspace(0, len(motion) * _INSTANTS, len(motion) * times).astype(int))
     return min(cell[0].bodies.nearest(x).distance for x in motion._at(instants))
 

@@ -11,7 +11,7 @@ from baselines_path import Tracker
 
 import copose
 import path_problems
-from copose.paths import plan
+from copose.motion import plan
 from dense_program import DenseProgram
 
 GRID = {1: 300, 2: 120}

@@ -14,7 +14,7 @@ from baselines_path import Tracker
 
 import copose
 import path_problems
-from copose.paths import plan
+from copose.motion import plan
 from copose.results import to_json
 from copose.robots import load_arms
 from made_motions import motion_of

@@ -24,10 +24,10 @@ from scipy.spatial import ConvexHull
 
 import copose
 from cells import closed_postures, tables
+from copose.cell.cell import Cell
 from copose.cli import main
-from copose.planning import Planner, evaluate
-from copose.planning.cell import Cell
 from copose.poses import Pose
+from copose.posture import Planner, evaluate
 from copose.problem import parse
 from copose.report import (
     compare,

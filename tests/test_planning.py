@@ -12,11 +12,11 @@ import pytest
 
 import copose
 from cells import FILES, closed_postures, flat_arm, planar, random_cell, tables, two_pandas
+from copose.cell.cell import Cell
 from copose.mechanics import object_parameters
-from copose.planning.cell import Cell
-from copose.planning.machinery import Machinery
-from copose.planning.program import Given
 from copose.poses import Pose, rotation_rows
+from copose.posture.model import PostureModel
+from copose.posture.solvers.nlp import Given
 from copose.problem import parse
 from copose.results import Posture, Solution, to_json
 from reference import Problem as Truth
@@ -223,7 +223,7 @@ def test_object_pose_mass_and_inertia_are_parameters() -> None:
     """One program solves a moved, heavier object as a program built for it does."""
     cell = two_pandas()
     ready = Cell.of(parse(cell))
-    program = Machinery(ready).program
+    program = PostureModel(ready).program
     moved = two_pandas()
     moved["object"].update(
         position=[0.52, 0.03, 0.48], rpy=[0.05, -0.02, 0.1], mass=3.0, inertia=[0.05, 0.04, 0.03]
@@ -236,7 +236,7 @@ def test_object_pose_mass_and_inertia_are_parameters() -> None:
     bounds = np.concatenate(other.lower), np.concatenate(other.upper)
     ends = [
         built.solve(start, [Given(parameters, np.zeros(0))], *bounds)
-        for built in (program, Machinery(other).program)
+        for built in (program, PostureModel(other).program)
     ]
     assert ends[0].converged and np.array_equal(ends[0].q, ends[1].q)
     truth = Truth(moved, {arm.name: list(arm.joint_names) for arm in other.arms})

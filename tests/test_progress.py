@@ -23,16 +23,16 @@ from copose import progress
 from copose.cli import main
 from copose.errors import InputError
 from copose.kernels import Kernel
-from copose.paths.finishing import Finisher
-from copose.paths.trying import Trial
-from copose.planning import search
-from copose.planning.climbing import Climbs
-from copose.planning.ipopt import Ipopt
-from copose.planning.placing import PlacementSearch
-from copose.planning.running import Run
-from copose.planning.self_motion import ArmSampler
+from copose.motion.search.candidates import CandidateSearch
+from copose.motion.search.refinement import Refiner
+from copose.posture.local.climb import LocalSearches
+from copose.posture.placement.search import PlacementSearch
+from copose.posture.run.run import Run
+from copose.posture.search import global_search as search
+from copose.posture.solvers.ipopt import Ipopt
 from copose.problem import parse
 from copose.progress import Progress, StoppedError, heed, hushed, sheltered, stage, watched
+from copose.self_motion.sampling import ArmSampler
 from path_problems import hinged
 from path_truth import faults
 
@@ -157,7 +157,7 @@ class TestLimits:
     def test_the_best_so_far_is_the_answer(self, monkeypatch: pytest.MonkeyPatch) -> None:
         problem = parse(planar(2, 4))
         best = copose.solve(problem).objective.after
-        ended = stalled(monkeypatch, Climbs, "add", after=1)
+        ended = stalled(monkeypatch, LocalSearches, "add", after=1)
         found = copose.solve(problem, time_limit=LIMIT)
         assert time.perf_counter() - ended[0] < LATE
         assert found.status == "solved" and cut_short(found, "polishing")
@@ -168,7 +168,7 @@ class TestLimits:
         self, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         problem = parse(planar(2, 4))
-        stalled(monkeypatch, Climbs, "add")
+        stalled(monkeypatch, LocalSearches, "add")
         found = copose.solve(problem, time_limit=LIMIT)
         assert found.status == "solved" and cut_short(found, "comparing postures")
         assert copose.verify(problem, found) == ()
@@ -185,7 +185,7 @@ class TestLimits:
         wall = {"name": "wall", "shape": {"kind": "box", "size": [0.2, 0.4]},
                 "position": [0.35, 0.55]}  # fmt: skip
         cell = planar(2, 4, constraints={"collision": True}, obstacles=[wall])
-        stalled(monkeypatch, Climbs, "add", after=1)
+        stalled(monkeypatch, LocalSearches, "add", after=1)
         found = copose.solve(parse(cell), time_limit=LIMIT)
         assert found.status == "solved" and cut_short(found, ""), found.reason
         assert found.after.collision.distance >= 0.01
@@ -213,7 +213,7 @@ class TestLimits:
         assert any("the best so far" in note for note in found.notes)
 
     @pytest.mark.parametrize(
-        ("owner", "name", "after"), [(Finisher, "finished", 0), (Trial, "_direct", 1)]
+        ("owner", "name", "after"), [(Refiner, "finished", 0), (CandidateSearch, "_direct", 1)]
     )
     def test_the_best_motion_so_far(
         self, owner: type, name: str, after: int, monkeypatch: pytest.MonkeyPatch
@@ -226,7 +226,7 @@ class TestLimits:
         assert faults(cell, json.loads(found.model_dump_json())) == []
 
     def test_no_motion_yet(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        stalled(monkeypatch, Trial, "outcome")
+        stalled(monkeypatch, CandidateSearch, "outcome")
         found = copose.plan(parse(hinged()), time_limit=LIMIT)
         assert found.status == "failed" and found.knots is None
         assert found.reason.endswith("while finding routes: no motion was found yet")
@@ -280,7 +280,7 @@ class TestCommand:
     def test_the_best_so_far_is_0(
         self, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        stalled(monkeypatch, Climbs, "add", after=1)
+        stalled(monkeypatch, LocalSearches, "add", after=1)
         assert main(["solve", "p.toml", f"--time-limit={LIMIT}"]) == 0
         assert "the best so far" in " ".join(capsys.readouterr().out.split())
         assert names("cell") == ["before_after.png", "result.json"]
@@ -363,16 +363,16 @@ def struck(where: str, method: str, times: int = 1) -> tuple[int, str, str]:
 class TestInterrupts:
     def test_the_first_leaves_the_best_so_far(self, here: Path) -> None:
         written = "copose: interrupted: the best so far is in cell/result.json\n"
-        assert struck("copose.planning.climbing.Climbs", "add") == (130, "", written)
+        assert struck("copose.posture.local.climb.LocalSearches", "add") == (130, "", written)
         result = json.loads(Path("cell/result.json").read_text())
         assert result["status"] == "solved" and names("cell") == ["result.json"]
         assert any(note.startswith("interrupted while polishing: ") for note in result["notes"])
         assert copose.verify(parse(planar(2, 4)), copose.read_solution("cell/result.json")) == ()
 
     def test_with_nothing_found_nothing_is_written(self, here: Path) -> None:
-        end = struck("copose.planning.self_motion.ArmSampler", "sample")
+        end = struck("copose.self_motion.sampling.ArmSampler", "sample")
         assert end == (130, "", "copose: interrupted\n") and not Path("cell").exists()
 
     def test_the_second_ends_the_process(self, here: Path) -> None:
-        end = struck("copose.planning.climbing.Climbs", "add", 2)
+        end = struck("copose.posture.local.climb.LocalSearches", "add", 2)
         assert end == (130, "", "copose: interrupted\n") and not Path("cell").exists()

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import copose
 from cells import planar, two_pandas
 from copose.errors import InputError
-from copose.paths.journey import Journey
+from copose.motion.path.object_motion import ObjectMotion
 from copose.problem import case_problems, moved, parse
 from copose.problem.objects import Placement
 
@@ -56,7 +56,7 @@ def test_every_pose_takes_a_quaternion() -> None:
 def test_waypoints_take_quaternions_and_hand_them_on() -> None:
     cell = two_pandas()
     cell["path"] = {"waypoints": [{"quaternion": TURN}, {"position": [0.5, 0.1, 0.5]}]}
-    journey = Journey.of(parse(cell))
+    journey = ObjectMotion.of(parse(cell))
     wanted = Rotation.from_quat(TURN, scalar_first=True).as_matrix()
     for phase in (0.0, 0.5, 1.0):
         assert np.abs(journey.at(phase).pose.rotation - wanted).max() < 1e-14

@@ -15,14 +15,14 @@ from scipy.sparse.csgraph import connected_components
 
 import copose
 from cells import closed_postures, planar, random_cell, tables, two_pandas
-from copose.planning.cell import Cell
-from copose.planning.curves import follow
-from copose.planning.machinery import Machinery
-from copose.planning.optima import LocalOptimum
-from copose.planning.reachability import component, rails_of, reachable
-from copose.planning.search import EFFORTS, Found
-from copose.planning.within_reach import WithinReach
+from copose.cell.cell import Cell
+from copose.posture.model import PostureModel
+from copose.posture.optimum import LocalOptimum
+from copose.posture.reachable.reachability import component, rails_of, reachable
+from copose.posture.reachable.search import ReachableSet
+from copose.posture.search.global_search import EFFORTS, Found
 from copose.problem import parse
+from copose.self_motion.curves.tracing import follow
 from reference import Problem as Truth
 from segment_distances import segment_distances
 
@@ -44,7 +44,7 @@ def three_links(lengths, distance: float, limits=None, **extra: object) -> dict:
 
 
 def ready(cell: dict) -> tuple:
-    machinery = Machinery(Cell.of(parse(cell)))
+    machinery = PostureModel(Cell.of(parse(cell)))
     return machinery, machinery.setting(machinery.cell)
 
 
@@ -648,7 +648,7 @@ def test_optima_that_cannot_be_reached_are_dropped(pair: dict) -> None:
     machinery, setting = ready(pair["cell"])
     starts = [np.array(q) for q in pair["solution"].before.joints.values()]
     effort = EFFORTS["low"]
-    within = WithinReach.of(machinery, setting, starts, 0, effort)
+    within = ReachableSet.of(machinery, setting, starts, 0, effort)
     best = copose.solve(parse(pair["cell"] | {"search": {}})).after.joints
     far = np.concatenate(list(best.values()))
     near = np.concatenate(list(pair["solution"].after.joints.values()))

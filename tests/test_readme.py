@@ -28,8 +28,8 @@ from matplotlib.image import imread
 import copose
 from copose.cli import main
 from copose.manual import page, topics
-from copose.paths import described
-from copose.planning import check
+from copose.motion import described
+from copose.posture import check
 from copose.problem import RobotArm
 from reference import PROBLEMS
 

@@ -10,18 +10,18 @@ import pytest
 
 import copose
 from cells import closed_postures, planar, random_cell, tables, two_pandas
-from copose.planning.cell import Cell
-from copose.planning.closing import CLOSED, project
-from copose.planning.machinery import Machinery
-from copose.planning.measuring import Meter
-from copose.planning.self_motion import ArmSampler
+from copose.cell.cell import Cell
+from copose.measurement.meter import Meter
+from copose.posture.model import PostureModel
 from copose.problem import parse
 from copose.results import to_json
+from copose.self_motion.projection import CLOSED, project
+from copose.self_motion.sampling import ArmSampler
 from reference import Problem as Truth
 
 
 def machinery_of(cell: dict) -> tuple:
-    machinery = Machinery(Cell.of(parse(cell)))
+    machinery = PostureModel(Cell.of(parse(cell)))
     return machinery, machinery.setting(machinery.cell)
 
 
@@ -189,7 +189,7 @@ def test_verification_says_whether_the_answer_stands(monkeypatch: pytest.MonkeyP
     assert again.stands and again.seed != 0
     assert again.objective == pytest.approx(solution.objective.after, abs=1e-8)
     # A first search that sees nothing but the worst of what it polishes.
-    from copose.planning import running as module
+    from copose.posture.run import run as module
 
     honest = module.search
 

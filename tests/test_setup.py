@@ -21,8 +21,8 @@ from copose.robots.paths import EXAMPLES, resolve
 from copose.robots.urdf_tree import read_tree
 from copose.setup.chains import chain_to, find_chains
 from copose.setup.hands import Hand, toward
-from copose.setup.robots import RobotEntry, named_arms
-from copose.setup.text import ProblemText
+from copose.setup.problem_text import ProblemText
+from copose.setup.robot_entries import RobotEntry, named_arms
 
 FOLDER = resolve(PANDA, Path(), {}).parents[2]
 UR5 = f"{EXAMPLES}ur_description/urdf/ur5_robot.urdf"

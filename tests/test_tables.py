@@ -19,9 +19,9 @@ from rich.console import Console, RenderableType
 
 import copose
 from cells import planar
+from copose.cell.notes import once
 from copose.manual import page
-from copose.paths import described
-from copose.planning.notes import once
+from copose.motion import described
 from copose.report import (
     chains,
     compare,

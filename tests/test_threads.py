@@ -69,7 +69,7 @@ rng = np.random.default_rng(0)
 tasks = []
 for planner in planners:
     postures = {{
-        arm.name: rng.uniform(-2, 2, (120, arm.n)) for arm in planner._machinery.cell.arms
+        arm.name: rng.uniform(-2, 2, (120, arm.n)) for arm in planner._model.cell.arms
     }}
 
     def measured(planner=planner, postures=postures):
@@ -95,7 +95,7 @@ assert together(*tasks) == [[each] * 2 for each in alone]
 BUILT = """
 def answer(cell):
     planner = copose.Planner(copose.parse(cell))
-    start = {{arm.name: np.full(arm.n, 0.5) for arm in planner._machinery.cell.arms}}
+    start = {{arm.name: np.full(arm.n, 0.5) for arm in planner._model.cell.arms}}
     return planner.polish(start).objective, told(planner.solve(effort="low"))
 
 

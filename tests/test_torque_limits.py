@@ -12,10 +12,10 @@ import copose
 from cells import closed_postures, planar, tables, two_pandas
 from copose.capability.contact_limits import inner_polyhedron
 from copose.capability.linear_programs import maximise_first
-from copose.planning.allowances import Allowance
-from copose.planning.cell import Cell
-from copose.planning.machinery import Machinery
-from copose.planning.measuring import Measurement, Meter
+from copose.cell.cell import Cell
+from copose.measurement.meter import Measurement, Meter
+from copose.measurement.torque_limits import TorqueLimitReport
+from copose.posture.model import PostureModel
 from copose.problem import parse
 from reference import Problem as Truth
 from reference import pose
@@ -267,13 +267,13 @@ def test_many_postures_at_once_are_worth_what_each_is(space: str) -> None:
     up[min(m - 1, 2) if space.startswith("spatial") else 1] = 1.0
     cell = cell_of(space, objective={"kind": "acceleration", "direction": up})
     ready = Cell.of(parse(cell))
-    machinery = Machinery(ready)
+    machinery = PostureModel(ready)
     setting = machinery.setting(ready)
     samples = [closed_postures(ready, i, 256)[:40] for i in range(2)]
     count = min(map(len, samples))
     q = np.hstack([sample[:count] for sample in samples])
     many = machinery.objectives(setting, q)
-    allowance = Allowance(ready, machinery.objective, machinery.capacity)
+    allowance = TorqueLimitReport(ready, machinery.objective, machinery.capacity)
     for row, value in zip(q, many, strict=True):
         exact = allowance.asked(ready, ready.system.split(row)).value
         if exact is None:
@@ -324,7 +324,7 @@ def test_limits_of_any_size(space: str, name: str) -> None:
             expected = farthest_of_torques(truth, joints, 0 * u, u, weight, force)
             assert record.value == pytest.approx(expected, rel=1e-7)
     ready = Cell.of(parse(cell))
-    machinery = Machinery(ready)
+    machinery = PostureModel(ready)
     many = np.array([np.concatenate(ready.given(joints)) for joints in drawn])
     assert machinery.objectives(machinery.setting(ready), many) == pytest.approx(told, rel=1e-6)
 

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from copose.formats import export
     from copose.live import LivePage, open_live
     from copose.loader import load, parse
-    from copose.paths import PathPlanner, plan
-    from copose.planning import Check, Planner, check, evaluate, solve, verify
+    from copose.motion import PathPlanner, plan
+    from copose.posture import Check, Planner, check, evaluate, solve, verify
     from copose.problem import Problem
     from copose.progress import Progress
     from copose.report import compare, draw
@@ -23,31 +23,31 @@ if TYPE_CHECKING:
     from copose.version import __version__
 
 _HOMES = {
-    "Check": "planning",
+    "Check": "posture",
     "CoposeError": "errors",
     "Ellipsoid": "capability",
     "InputError": "errors",
     "LivePage": "live",
     "Motion": "results",
-    "PathPlanner": "paths",
-    "Planner": "planning",
+    "PathPlanner": "motion",
+    "Planner": "posture",
     "Problem": "problem",
     "Progress": "progress",
     "Solution": "results",
     "__version__": "version",
-    "check": "planning",
+    "check": "posture",
     "compare": "report",
     "draw": "report",
-    "evaluate": "planning",
+    "evaluate": "posture",
     "export": "formats",
     "load": "loader",
     "open_live": "live",
     "parse": "loader",
-    "plan": "paths",
+    "plan": "motion",
     "read_motion": "results",
     "read_solution": "results",
-    "solve": "planning",
-    "verify": "planning",
+    "solve": "posture",
+    "verify": "posture",
 }
 
 __all__ = [

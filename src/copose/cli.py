@@ -380,7 +380,7 @@ def _init(arguments: argparse.Namespace) -> int:
 def _solve(arguments: argparse.Namespace) -> int:
     with watching(arguments) as watch:
         folder, problem = _prepare(arguments, (_PICTURE,))
-        from copose.planning import solve
+        from copose.posture import solve
 
         with _on_interrupt(watch.interrupt):
             solution = solve(
@@ -400,7 +400,7 @@ def _path(arguments: argparse.Namespace) -> int:
     wanted = {_TRAJECTORY: True, _ROS: arguments.ros, _WAY: True, _FILM: arguments.animate}
     with watching(arguments) as watch:
         folder, problem = _prepare(arguments, [name for name, asked in wanted.items() if asked])
-        from copose.paths import plan
+        from copose.motion import plan
 
         with _on_interrupt(watch.interrupt):
             motion = plan(problem, seed=arguments.seed, time_limit=arguments.time_limit)
@@ -426,7 +426,7 @@ def _path(arguments: argparse.Namespace) -> int:
 def _evaluate(arguments: argparse.Namespace) -> int:
     with watching(arguments):
         folder, problem = _prepare(arguments, (_PICTURE,))
-        from copose.planning import evaluate
+        from copose.posture import evaluate
         from copose.results import read_solution
 
         result = None if arguments.joints is None else read_solution(arguments.joints)
@@ -481,8 +481,8 @@ def _live(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace) -> int:
     with watching(arguments):
-        from copose.paths import described
-        from copose.planning import check
+        from copose.motion import described
+        from copose.posture import check
         from copose.report import chains, check_format, draw_start
 
         figure = arguments.figure

@@ -10,8 +10,8 @@ from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
 from copose.errors import InputError
-from copose.paths import described
-from copose.planning import check
+from copose.motion import described
+from copose.posture import check
 from copose.problem import Problem
 from copose.report import chains, figure, motion_table, saved, solution_table, starts_figure
 from copose.results import Motion, Solution

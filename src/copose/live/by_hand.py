@@ -9,9 +9,9 @@ import numpy as np
 
 from copose.errors import InputError
 from copose.live.session import Session
-from copose.planning.landscape import Landscape
-from copose.planning.self_motion_curve import SelfMotionCurve
 from copose.poses import Array
+from copose.posture.landscape.objective_map import Landscape
+from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
 
 # Decimal places to which the ends of what is allowed are kept from, rad (or m).
 _INSIDE = 1e-9

@@ -11,7 +11,7 @@ import viser
 
 from copose.errors import InputError
 from copose.live.document import Changes, key, place
-from copose.paths.journey import waypoint_poses
+from copose.motion.path.object_motion import waypoint_poses
 from copose.poses import Pose
 from copose.problem import Problem, RobotArm, placement
 

@@ -22,8 +22,8 @@ from copose.live.svg import (
     upright,
     width_of,
 )
-from copose.planning.self_motion_curve import SelfMotionCurve
 from copose.poses import Mask
+from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
 
 # Margins of the drawing, px.
 _TOP = 20.0

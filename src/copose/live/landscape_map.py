@@ -11,8 +11,8 @@ import numpy as np
 from PIL import Image
 
 from copose.live.svg import Frame, dot, drawing, legend, star, text, ticks, upright
-from copose.planning.landscape import Landscape
 from copose.poses import Array, Mask
+from copose.posture.landscape.objective_map import Landscape
 
 # Colours from low to high: matplotlib's viridis at equal distances.
 _COLOURS = (

@@ -13,11 +13,11 @@ from copose.formats import trajectory_csv
 from copose.live.document import place
 from copose.live.session import Session
 from copose.live.state import State
-from copose.paths import plan
-from copose.paths.interpolation import hermite
-from copose.paths.journey import Journey, waypoint_poses
-from copose.planning import Planner
+from copose.motion import plan
+from copose.motion.curve.hermite import hermite
+from copose.motion.path.object_motion import ObjectMotion, waypoint_poses
 from copose.poses import Array, Pose
+from copose.posture import Planner
 from copose.problem import Problem, moved
 from copose.progress import Tell
 from copose.results import Knot, Motion, Posture, Solution, to_json, write_file
@@ -65,8 +65,8 @@ class Course:
         return np.array([knot.objective for knot in self.knots], dtype=float)
 
     @cached_property
-    def _journey(self) -> Journey:
-        return Journey.of(self.problem)
+    def _journey(self) -> ObjectMotion:
+        return ObjectMotion.of(self.problem)
 
     @cached_property
     def _rates(self) -> dict[str, Array]:

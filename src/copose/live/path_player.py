@@ -15,7 +15,7 @@ from copose.live.path_panel import PathPanel
 from copose.live.session import Session
 from copose.live.state import State
 from copose.live.worker import Worker
-from copose.paths.journey import waypoint_poses
+from copose.motion.path.object_motion import waypoint_poses
 from copose.poses import Pose
 from copose.progress import Progress
 from copose.viewer.scene import CellScene

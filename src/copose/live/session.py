@@ -12,12 +12,12 @@ from copose.errors import InputError
 from copose.live.document import Changes, Document
 from copose.live.state import Aim, State, Step
 from copose.live.transition import self_motion_way
-from copose.planning import Planner
-from copose.planning.gaps import Followed, Gap
 from copose.poses import Array
+from copose.posture import Planner
 from copose.problem import Problem
 from copose.progress import Tell, Watch, watched
 from copose.results import Optimum, Posture, Solution
+from copose.self_motion.misses.gaps import Followed, Gap
 
 # Planners that are kept; another setting needs another one.
 _PLANNERS = 4

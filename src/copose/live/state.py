@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from copose.live.document import Changes
-from copose.planning.running import EffortName
 from copose.poses import Array
+from copose.posture.run.run import EffortName
 from copose.problem import Problem
 from copose.results import Optimum, Posture, Solution
 

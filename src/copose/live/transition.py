@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from copose.errors import InputError
-from copose.planning import Planner
-from copose.planning.self_motion_curve import SelfMotionCurve
 from copose.poses import Array
+from copose.posture import Planner
 from copose.problem import Problem
+from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
 
 # Pictures of a transition.
 FRAMES = 16

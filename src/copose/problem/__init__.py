@@ -1,23 +1,9 @@
 """What is asked: a problem file as frozen, validated data."""
 
-from copose.problem.aims import (
-    AccelerationObjective,
-    PayloadObjective,
-    TaskCompatibilityObjective,
-)
 from copose.problem.arms import ArmSpec, PlanarArm, RobotArm
 from copose.problem.cases import CaseSpec
-from copose.problem.objects import (
-    CapsuleShape,
-    Obstacle,
-    PlanarObject,
-    PlanarObstacle,
-    Shape,
-    SpatialObject,
-)
-from copose.problem.overrides import aimed, overridden, read_override
-from copose.problem.path import PathSpec, PlanarWaypoint, Waypoint
-from copose.problem.reading import (
+from copose.problem.file.overrides import aimed, overridden, read_override
+from copose.problem.file.reading import (
     case_problems,
     check_depth,
     displaced,
@@ -31,6 +17,20 @@ from copose.problem.reading import (
     read_text,
     tables_in,
 )
+from copose.problem.objectives import (
+    AccelerationObjective,
+    PayloadObjective,
+    TaskCompatibilityObjective,
+)
+from copose.problem.objects import (
+    CapsuleShape,
+    Obstacle,
+    PlanarObject,
+    PlanarObstacle,
+    Shape,
+    SpatialObject,
+)
+from copose.problem.path import PathSpec, PlanarWaypoint, Waypoint
 from copose.problem.spaces import SPACES, Space, SpaceName
 from copose.problem.spec import SCHEMA, ConstraintsSpec, PlanarProblem, Problem, SpatialProblem
 from copose.problem.structure import same_structure

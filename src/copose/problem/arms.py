@@ -7,9 +7,7 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from copose.problem.freedom import ArmFreedom, PlanarArmFreedom
-from copose.problem.objects import Grasp, Placement, PlanarGrasp, PlanarPlacement
-from copose.problem.values import (
+from copose.problem.fields import (
     Inertia,
     Name,
     NotNegative,
@@ -22,6 +20,8 @@ from copose.problem.values import (
     Torque,
     Triple,
 )
+from copose.problem.freedom import ArmFreedom, PlanarArmFreedom
+from copose.problem.objects import Grasp, Placement, PlanarGrasp, PlanarPlacement
 
 _MOST_LINKS = 32
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from copose.problem.fields import Direction, Name, Number, Pair, Positive, Spec, Triple
 from copose.problem.objects import Oriented
-from copose.problem.values import Direction, Name, Number, Pair, Positive, Spec, Triple
 
 
 class CaseSpec(Spec):

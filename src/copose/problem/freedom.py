@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import AliasChoices, Field
 
-from copose.problem.values import Interval, Spec
+from copose.problem.fields import Interval, Spec
 
 
 class Freedom(Spec):

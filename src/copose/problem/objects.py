@@ -8,8 +8,8 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from copose.poses import Pose
+from copose.problem.fields import Inertia, Name, Number, Pair, Positive, Quaternion, Spec, Triple
 from copose.problem.freedom import PlanarFreedom, SpatialFreedom
-from copose.problem.values import Inertia, Name, Number, Pair, Positive, Quaternion, Spec, Triple
 
 
 class Box(Spec):

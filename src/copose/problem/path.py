@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
+from copose.problem.fields import NotNegative, Number, Pair, Positive, Spec, Triple
 from copose.problem.objects import Oriented
-from copose.problem.values import NotNegative, Number, Pair, Positive, Spec, Triple
 
 _MOST_WAYPOINTS, _MOST_KNOTS = 100, 2000
 _LONGEST, _SHORTEST = 1e5, 1e-3

@@ -18,7 +18,10 @@ from pydantic_core import PydanticCustomError
 
 from copose.display import Displayed
 from copose.errors import shown
-from copose.problem.aims import (
+from copose.problem.arms import ArmSpec, PlanarArm, RobotArm
+from copose.problem.cases import Case, CaseSpec, PlanarCase
+from copose.problem.fields import FolderName, NotNegative, Positive, Spec, Text, fault, whole
+from copose.problem.objectives import (
     AccelerationObjective,
     EllipsoidSpec,
     ObjectiveSpec,
@@ -28,12 +31,9 @@ from copose.problem.aims import (
     VolumeObjective,
     WorldSpec,
 )
-from copose.problem.arms import ArmSpec, PlanarArm, RobotArm
-from copose.problem.cases import Case, CaseSpec, PlanarCase
 from copose.problem.objects import Obstacle, PlanarObject, PlanarObstacle, SpatialObject
 from copose.problem.path import PathSpec, PlanarPath, SpatialPath
 from copose.problem.spaces import SPACES, Space, SpaceName
-from copose.problem.values import FolderName, NotNegative, Positive, Spec, Text, fault, whole
 
 # JSON Schema of problem files; it is made from what follows.
 SCHEMA = Path(__file__).with_name("schema.json")

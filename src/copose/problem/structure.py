@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from copose.problem.aims import (
+from copose.problem.objectives import (
     AccelerationObjective,
     ObjectiveSpec,
     PayloadObjective,

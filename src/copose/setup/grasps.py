@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from copose.planning.arm_kernels import ArmKernels
-from copose.planning.cell import Cell
-from copose.planning.closing import CLOSED, project
+from copose.cell.cell import Cell
 from copose.poses import Array, Pose
 from copose.robots import finite_range
+from copose.self_motion.kernels import ArmKernels
+from copose.self_motion.projection import CLOSED, project
 from copose.setup.hands import Hand, toward
 from copose.setup.layout import Place
 

@@ -1,0 +1,1 @@
+"""A problem made ready to compute with: numbers, expressions, limits, what is free."""

@@ -1,0 +1,1 @@
+"""Constraints of a posture: closure, torque limits, clearance."""

@@ -1,0 +1,1 @@
+"""The numbers of one posture as a result states them."""

@@ -1,0 +1,299 @@
+"""What a posture is worth, from its joint positions alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from copose.capability import RESOLUTIONS, Ellipsoid, forward_dynamics
+from copose.capability.torque_limits import Extreme
+from copose.cell.cell import Cell
+from copose.cell.dynamics import CellDynamics
+from copose.cell.functions import PostureFunctions, ellipsoid_of, sliced
+from copose.measurement.torque_limits import Allowances, TorqueLimitReport
+from copose.measurement.velocity_force import Companions
+from copose.objectives.build import objective_of
+from copose.objectives.ellipsoid_measures import EllipsoidMeasure, Objective
+from copose.objectives.limits_measures import LimitsMeasure
+from copose.poses import Array
+from copose.results import (
+    ArmRecord,
+    EllipsoidRecord,
+    Posture,
+    Vector,
+    frame,
+    matrix,
+    place,
+    vector,
+)
+from copose.robots import freed
+
+# Below this ratio of singular values a Jacobian counts as rank-deficient: nothing that a
+# pseudoinverse says of such a direction would be known to a single digit.
+RANK_TOLERANCE = 1e-12
+# Keys of a posture that only torque limits on all joints make known.
+_LIMITED = (
+    "payload", "static_torque", "torque_shares", "residual_radius", "wrenches",
+    "joint_accelerations",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """A measured posture and what kept numbers from existing.
+
+    Attributes:
+        posture: the record of a result.
+        ellipsoid: the system's, None where its volume is zero.
+        value: the objective's, None where there is none.
+        notes: why numbers are missing.
+        extremes: of what torque limits allow, by name.
+    """
+
+    posture: Posture
+    ellipsoid: Ellipsoid | None
+    value: float | None
+    notes: tuple[str, ...]
+    extremes: Mapping[str, Extreme]
+
+
+@dataclass(frozen=True, eq=False)
+class Measures:
+    """What many postures are worth; NaN where an arm is singular.
+
+    Attributes:
+        objective: the problem's, (count,).
+        gram: G of the ellipsoid that the objective measures, (count, a, a); None where torque
+            limits decide it.
+        closure_error: by arm, the larger of a tip's position error, m, and angle error, rad, in the
+            linear spaces the position error, (count,).
+        share: of a torque limit, the largest at its least, with which arms at rest hold the object,
+            (count,); None where ``static_torque`` does not ask for it.
+    """
+
+    objective: Array
+    gram: Array | None
+    closure_error: dict[str, Array]
+    share: Array | None = None
+
+
+class Meter:
+    """Measures postures of one cell; built once, used for every number of a result.
+
+    Attributes:
+        objective: the problem's.
+    """
+
+    def __init__(
+        self, cell: Cell, objective: Objective | None = None, capacity: CellDynamics | None = None
+    ) -> None:
+        """Build the functions that evaluate a posture.
+
+        Args:
+            cell: whose postures are measured.
+            objective: what `objective_of` the cell is, if that is built already.
+            capacity: what torque limits allow, alike.
+        """
+        self._cell = cell
+        self.objective = objective_of(cell) if objective is None else objective
+        self._capacity = capacity
+        system = cell.system
+        place = system.parameters
+        self._arms = [
+            PostureFunctions(
+                arm.q,
+                place,
+                [
+                    *system.pose_error(i),
+                    arm.J,
+                    cell.resolution.own_factor(arm, scale),
+                    arm.placements,
+                ],
+            )
+            for i, (arm, scale) in enumerate(zip(system.arms, cell.scales, strict=True))
+        ]
+        gravity, velocity = ca.SX.sym("gravity", 3), ca.SX.sym("velocity", system.space.m)
+        self._factors = PostureFunctions(
+            system.q, place, [kind.factor(system, cell.scales) for kind in RESOLUTIONS.values()]
+        )
+        self._center = PostureFunctions(
+            system.q,
+            ca.vertcat(place, gravity, velocity),
+            [forward_dynamics(system, gravity, velocity)[1]],
+        )
+        self._form = None
+        measure = self.objective
+        if isinstance(measure, EllipsoidMeasure) and measure.form is not cell.resolution:
+            factor = measure.form.factor(system, measure.scales)
+            self._form = PostureFunctions(system.q, place, [factor])
+
+    def toward(self, objective: Objective) -> Meter:
+        """The same for another objective of the same kind."""
+        if objective is self.objective:
+            return self
+        other = copy(self)
+        other.objective = objective
+        other.__dict__.pop("_allowance", None)
+        return other
+
+    @cached_property
+    def _allowance(self) -> TorqueLimitReport | None:
+        """None where a joint has no torque limit."""
+        if self._cell.torque_limits is None:
+            return None
+        capacity = self._capacity
+        if capacity is None:
+            capacity = CellDynamics(self._cell, self._cell.torque_limits)
+        return TorqueLimitReport(self._cell, self.objective, capacity)
+
+    @cached_property
+    def _companions(self) -> Companions:
+        return Companions(self._cell)
+
+    def measure(
+        self, cell: Cell, joints: Sequence[Array], *, everything: bool = False
+    ) -> Measurement:
+        """The ellipsoids, the closure and the skeletons of a posture, and what limits allow.
+
+        Args:
+            cell: with the object where it is.
+            joints: positions by arm, (n_i,) each.
+            everything: whether what the problem does not ask for is stated too.
+        """
+        m, rows, pose = (
+            cell.system.space.m, list(cell.system.space.linear), cell.problem.object.pose,
+        )  # fmt: skip
+        errors, records, notes = {}, {}, []
+        for arm, function, q in zip(cell.arms, self._arms, joints, strict=True):
+            gap, turn, J, own, placements = function(q, cell.parameters)
+            error = closure_errors(gap[rows].T, turn.T, cell.system.space.rigid)
+            errors[arm.name] = float(error[0])
+            rank = _rank(J)
+            if rank < m:
+                notes.append(
+                    f"volume 0: the Jacobian of arm {arm.name!r} has rank {rank} of {m} here; "
+                    "another posture, or [objective] axes that it can move along, has a volume"
+                )
+            known = rank == m and arm.name not in cell.weightless
+            single = ellipsoid_of(own) if known else None
+            records[arm.name] = ArmRecord(
+                skeleton=matrix(placements[:3].T),
+                quaternions=matrix(placements[3:].T),
+                grasp=vector((pose @ arm.grasp).position),
+                ellipsoid=EllipsoidRecord.of(single),
+            )
+        ellipsoids: dict[str, Ellipsoid | None] = dict.fromkeys(RESOLUTIONS)
+        closed = not notes
+        if closed and not cell.weightless:
+            whole = self._ellipsoids(cell, joints)
+            if any(each is None for each in whole.values()):
+                notes.append(
+                    "volume unknown: the equations of motion are singular to working "
+                    "precision; another posture, or inertia and armature as they are, has one"
+                )
+            ellipsoids = {name: sliced(cell, each) for name, each in whole.items()}
+            # Whether the object can be kept at rest is a question for all of its coordinates, and
+            # not for least-norm rules.
+            optimal = whole["torque-optimal"]
+            if optimal is not None and not optimal.contains(np.zeros(m)):
+                notes.append(
+                    "rest is outside the shifted ellipsoid: torques of the ball cannot keep the "
+                    "object from accelerating (copose manual measures)"
+                )
+        ellipsoid = ellipsoids[cell.resolution.name]
+        allowed = self._allowed(cell, joints, everything)
+        notes += allowed.notes
+        planar = cell.problem.space.planar
+        keys: dict[str, Any] = {
+            what: {
+                arm.name: frame(getattr(arm, what), planar)
+                for arm, spec in zip(cell.arms, cell.problem.arms, strict=True)
+                if what in freed(spec)
+            }
+            for what in ("base", "grasp")
+        }
+        posture = Posture(
+            joints={arm.name: vector(q) for arm, q in zip(cell.arms, joints, strict=True)},
+            object=place(pose, planar),
+            closure_error=errors,
+            ellipsoid=EllipsoidRecord.of(ellipsoid),
+            log_volumes={
+                name: each.log_volume if each is not None else None
+                for name, each in ellipsoids.items()
+            },
+            arms=records,
+            **{key: value for key, value in keys.items() if value},
+            **allowed.keys,
+        )
+        value = allowed.value
+        if isinstance(self.objective, EllipsoidMeasure) and closed:
+            measured = ellipsoid
+            if self._form is not None:
+                (factor,) = self._form(np.concatenate(joints), cell.parameters)
+                measured = sliced(cell, ellipsoid_of(factor))
+            value = None if measured is None else self.objective.of(measured)
+        return Measurement(posture, ellipsoid, value, tuple(notes), allowed.extremes)
+
+    def _allowed(self, cell: Cell, joints: Sequence[Array], everything: bool) -> Allowances:
+        if not everything:
+            asks = isinstance(self.objective, LimitsMeasure)
+            asks |= cell.problem.constraints.static_torque
+            if not asks or self._allowance is None:
+                return Allowances()
+            return self._allowance.asked(cell, joints)
+        if self._allowance is None:
+            found = Allowances(
+                keys=dict.fromkeys(_LIMITED),
+                notes=[]
+                if cell.weightless
+                else [
+                    "what torque limits allow is unknown: every joint needs [[arms]] torque_limits"
+                ],
+            )
+        else:
+            found = self._allowance.all(cell, joints)
+        found.keys["companions"] = self._companions.of(cell, joints)
+        return found
+
+    def holding_shares(self, cell: Cell, joints: Sequence[Array]) -> dict[str, Vector] | None:
+        """Share of each joint's torque limit, by arm, in the hold at rest whose largest share is
+        smallest; None where a joint has no limit or no contact wrenches hold the object.
+        """
+        return None if self._allowance is None else self._allowance.holding(cell, joints)
+
+    def _ellipsoids(self, cell: Cell, joints: Sequence[Array]) -> dict[str, Ellipsoid | None]:
+        """The system's ellipsoid by each resolution, in all coordinates of the task."""
+        q = np.concatenate(joints)
+        factors = self._factors(q, cell.parameters)
+        center = np.zeros(cell.system.space.m)
+        if np.any(cell.gravity) or np.any(cell.velocity):
+            moving = np.concatenate([cell.parameters, cell.gravity, cell.velocity])
+            center = self._center(q, moving)[0].ravel()
+        return {
+            name: ellipsoid_of(factor, center)
+            for name, factor in zip(RESOLUTIONS, factors, strict=True)
+        }
+
+
+def closure_errors(gap: Array, turn: Array, rigid: bool) -> Array:
+    """The larger of position error, m, and angle error θ = 2 atan2(|v|, |w|), rad; (count,).
+
+    Args:
+        gap: position errors, (count, 3 or 2).
+        turn: quaternions of the angle errors, (count, 4).
+        rigid: whether the angle counts.
+    """
+    distance = np.linalg.norm(gap, axis=1)
+    angle = 2 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), np.abs(turn[:, 0]))
+    return np.asarray(np.maximum(distance, angle) if rigid else distance)
+
+
+def _rank(J: Array) -> int:
+    values = np.linalg.svd(J, compute_uv=False)
+    return int(np.sum(values > RANK_TOLERANCE * max(values[0], 1e-300)))

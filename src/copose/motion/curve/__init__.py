@@ -1,0 +1,1 @@
+"""Curves between knots: differences, Hermite interpolation, distances between knots."""

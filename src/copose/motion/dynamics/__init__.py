@@ -1,0 +1,1 @@
+"""Rates, torques and limits along a motion."""

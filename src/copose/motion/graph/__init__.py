@@ -1,0 +1,1 @@
+"""Roadmaps and dynamic programming over the arms' self-motions."""

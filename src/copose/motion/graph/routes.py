@@ -1,0 +1,397 @@
+"""The best routes through the arms' roadmaps, by dynamic programming on the cost itself."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from copose.motion.graph.dynamic_programming import Far, Found, Lattice, Moves
+from copose.motion.graph.node_values import NodeValues
+from copose.motion.graph.roadmap import Roadmap
+from copose.poses import Array, Indices, Mask
+
+Aggregate: TypeAlias = Literal["mean", "worst"]
+
+# What moves cost that are faster than joints may be, by the excess squared: their routes come after
+# all others, and the program, which has finer knots, may mend them.
+_TOO_FAST = 1e4
+_BESIDE = 1.3
+# The power of times of moves whose sum stands in for the largest.
+_PEAKED = 8
+# Random routes that exchange improves where there are more than two arms, and sweeps.
+_DRAWN, _SWEEPS, _GAIN = 8, 8, 1e-9
+# Of these, how many are improved by two arms at a time.
+_POLISHED = 2
+# Combinations that a closed motion may begin with which are followed.
+_BEGINNINGS = 8
+# The same, looked at where the arms let few of them return together.
+_LOOKED_AT = 256
+# How far apart they are, rad or m, at first and at last.
+_BEGIN_APART = (0.5, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """A posture of every layer for each arm.
+
+    Attributes:
+        nodes: their numbers, (layers, K).
+        worth: aggregate − smoothness · S, less a fine for moves that are too fast.
+    """
+
+    nodes: Indices
+    worth: float
+
+
+@dataclass(frozen=True, eq=False)
+class RouteCost:
+    """What counts of a route.
+
+    Attributes:
+        aggregate: of the objective over the layers.
+        smoothness: s²/rad², of the mean of squared speeds.
+        interval: between layers, s.
+        speeds: limits by arm, (n,).
+    """
+
+    aggregate: Aggregate
+    smoothness: float
+    interval: float
+    speeds: tuple[Array, ...]
+
+    @property
+    def joints(self) -> int:
+        """Of all arms."""
+        return sum(map(len, self.speeds))
+
+    def costs(self, roadmap: Roadmap, i: int) -> list[Array]:
+        """Of the moves of arm i, by layer after the first, infinite where there is none."""
+        moves = roadmap.layers[1:]
+        found = []
+        for layer in moves:
+            # One spacing is the least that a move beside can be: less time does not rule it out.
+            span = max(self.interval, _BESIDE * roadmap.spacing / float(self.speeds[i].min()))
+            over = np.maximum(layer.pace(self.speeds[i]) / span - 1.0, 0.0)
+            fine = layer.length < np.inf
+            cost = np.full(layer.length.shape, np.inf)
+            speed = layer.length[fine] / (self.joints * self.interval**2)
+            cost[fine] = (self.smoothness * speed + _TOO_FAST * over[fine] ** 2) / len(moves)
+            found.append(cost)
+        return found
+
+
+class RouteFinder:
+    """Finds routes through the roadmaps of all arms.
+
+    Attributes:
+        values: of combinations of postures.
+        lattice: of one or two arms; None of more.
+    """
+
+    def __init__(
+        self,
+        values: NodeValues,
+        roadmaps: Sequence[Roadmap],
+        worth: RouteCost,
+        *,
+        returns: bool,
+        seed: int,
+    ) -> None:
+        """Evaluate the moves, and all combinations of one or two arms."""
+        self.values, self._roadmaps, self._worth = values, tuple(roadmaps), worth
+        self._returns, self._seed = returns, seed
+        self._count = len(roadmaps[0].layers)
+        self._every = tuple(range(len(roadmaps)))
+        self._moves = [
+            [Moves(costs) for costs in worth.costs(roadmap, i)]
+            for i, roadmap in enumerate(roadmaps)
+        ]
+        self._ends = [roadmap.ends() for roadmap in roadmaps] if returns else []
+        self.lattice: Lattice | None = None
+        if len(roadmaps) <= 2:
+            pairs = [values.pairs(k) for k in range(self._count)]
+            self.lattice = self._held(self._moving(pairs, self._moves), self._roadmaps)
+
+    def _moving(self, values: Sequence[Array], moves: Sequence[Sequence[Moves]]) -> Lattice:
+        still = [Moves(np.zeros((1, 1)))] * (self._count - 1)
+        return Lattice(values, moves[0], moves[1] if len(moves) > 1 else still)
+
+    @staticmethod
+    def _held(lattice: Lattice, roadmaps: Sequence[Roadmap]) -> Lattice:
+        for axis, roadmap in enumerate(roadmaps):
+            for k, number in zip((0, -1), roadmap.held, strict=True):
+                lattice = lattice if number is None else lattice.only(k, axis, number)
+        return lattice
+
+    def routes(self, most: int, distance: float) -> list[Route]:
+        """Routes that differ in some layer by more than a distance, rad or m; best first."""
+        if self.lattice is None:
+            found = self._exchanged()
+        elif self._returns:
+            found = self._closed(self._every, self.lattice)
+        else:
+            found = self._far_apart(self.lattice, most, distance, self._aggregated)
+        chosen: list[Route] = []
+        for route in sorted(found, key=lambda each: -each.worth):
+            if len(chosen) < most and all(self._apart(route, c) > distance for c in chosen):
+                chosen.append(route)
+        return chosen
+
+    @property
+    def single(self) -> bool:
+        """Whether no arm has a degree of freedom to spare: routes are branches, all of them known,
+        of one or two arms.
+        """
+        return self.lattice is not None and not any(r.spare for r in self._roadmaps)
+
+    def every(self, most: int) -> list[Route]:
+        """All routes, best first, of arms without a degree of freedom to spare; none of other arms,
+        and where there would be more.
+        """
+        if any(roadmap.spare for roadmap in self._roadmaps):
+            return []
+        branches = [roadmap.branches(most, returns=self._returns) for roadmap in self._roadmaps]
+        if math.prod(map(len, branches)) > most:
+            return []
+        routes = [
+            Route(np.column_stack(nodes), self._worth_of(np.column_stack(nodes)))
+            for nodes in itertools.product(*branches)
+        ]
+        usable = [route for route in routes if np.isfinite(route.worth)]
+        return sorted(usable, key=lambda each: -each.worth)
+
+    def _worth_of(self, nodes: Indices) -> float:
+        """Aggregate − smoothness · S of a route, (layers, K)."""
+        alone = (0,)
+        values = np.array(
+            [self.values.beside(k, alone, here)[here[0], 0] for k, here in enumerate(nodes)]
+        )
+        moves = [
+            each.costs[a, b]
+            for j, arm in enumerate(self._moves)
+            for each, a, b in zip(arm, nodes[:-1, j], nodes[1:, j], strict=True)
+        ]
+        mean = self._worth.aggregate == "mean"
+        return float((values.mean() if mean else values.min()) - np.sum(moves))
+
+    def quickest(self, most: int, distance: float) -> list[Route]:
+        """Routes whose slowest moves take the least time, about, that differ as in `routes`; of one
+        or two arms, the ends of which need not be the same.
+        """
+        if self.lattice is None or self._returns:
+            return []
+        least = self.least_interval()
+        if not 0 < least < np.inf:
+            return []
+        paces = [
+            [Moves((layer.pace(speed) / least) ** _PEAKED) for layer in roadmap.layers[1:]]
+            for roadmap, speed in zip(self._roadmaps, self._worth.speeds, strict=True)
+        ]
+        allowed = [np.where(np.isfinite(v), 0.0, -np.inf) for v in self.lattice.values]
+        return self._far_apart(self._moving(allowed, paces), most, distance, Lattice.best)
+
+    def evenest(self, most: int, distance: float) -> list[Route]:
+        """Routes whose worst combination is the best that it can be, that differ as in `routes`, of
+        one or two arms, not closed: where all hold too much, those of the least largest share.
+        """
+        if self.lattice is None or self._returns:
+            return []
+        return self._far_apart(self.lattice, most, distance, Lattice.evenest)
+
+    def least_interval(self) -> float:
+        """The least time between layers, s, in which some route's slowest joints can follow it."""
+        paces = [
+            [Moves(layer.pace(speed)) for layer in roadmap.layers[1:]]
+            for roadmap, speed in zip(self._roadmaps, self._worth.speeds, strict=True)
+        ]
+        if self.lattice is not None:
+            moving = self._moving(self.lattice.values, paces)
+            return moving.least_of_largest()
+        alone = []
+        for roadmap, pace in zip(self._roadmaps, paces, strict=True):
+            any_ = [np.zeros((len(layer.q), 1)) for layer in roadmap.layers]
+            moving = self._held(self._moving(any_, [pace]), [roadmap])
+            alone.append(moving.least_of_largest())
+        return max(alone)
+
+    def slowest(self) -> tuple[int, int, int]:
+        """The arm, its joint and the layer whose move is the most too fast on the best route."""
+        worst, where = -np.inf, (0, 0, 0)
+        for route in self.routes(1, np.inf):
+            for i, (roadmap, nodes) in enumerate(zip(self._roadmaps, route.nodes.T, strict=True)):
+                for k, layer in enumerate(roadmap.layers[1:]):
+                    pace = np.abs(layer.moves[nodes[k], nodes[k + 1]]) / self._worth.speeds[i]
+                    if pace.max() > worst:
+                        worst, where = float(pace.max()), (i, int(pace.argmax()), k + 1)
+        return where
+
+    def postures(self, route: Route) -> Array:
+        """Stacked joints of every layer, unwrapped, (layers, N)."""
+        columns = []
+        for roadmap, nodes in zip(self._roadmaps, route.nodes.T, strict=True):
+            q = [roadmap.layers[0].q[nodes[0]]]
+            for layer, before, after in zip(roadmap.layers[1:], nodes, nodes[1:], strict=False):
+                q.append(q[-1] + layer.moves[before, after])
+            columns.append(np.array(q))
+        return np.hstack(columns)
+
+    def _far_apart(
+        self,
+        lattice: Lattice,
+        most: int,
+        distance: float,
+        best: Callable[[Lattice, int, Far | None], list[Found]],
+    ) -> list[Route]:
+        """Routes that differ in the middle layer by more than a distance."""
+        middle = self._count // 2
+        q = [roadmap.layers[middle].q for roadmap in self._roadmaps]
+
+        def far(rows: Indices, columns: Indices, i: int, j: int) -> Mask:
+            parts = zip(self._roadmaps, q, (rows, columns), (i, j), strict=False)
+            apart = [r.apart(mine[some], mine[one]) for r, mine, some, one in parts]
+            return np.asarray(np.abs(np.hstack(apart)).max(axis=1) > distance)
+
+        found = best(lattice, most, far if most > 1 else None)
+        return [Route(each.nodes[:, : len(q)], each.worth) for each in found]
+
+    def _aggregated(self, lattice: Lattice, most: int, far: Far | None = None) -> list[Found]:
+        weighed = [values / self._count for values in lattice.values]
+        mean = Lattice(weighed, lattice.one, lattice.other).best(most, far)
+        if self._worth.aggregate == "mean":
+            return mean
+        found = lattice.levelled(most, far)
+        if far is not None:
+            # What is good on average may be made good everywhere, and differs more.
+            found += [Found(each.nodes, lattice.worst_of(each, weighed)) for each in mean]
+        return found
+
+    def _closed(self, arms: tuple[int, ...], lattice: Lattice) -> list[Route]:
+        """Routes of one or two arms that end with the combination that they begin with, of the
+        most promising.
+        """
+        alone = lattice.returning(*(self._ends[i] for i in arms))
+        ends = [*alone, np.zeros(1, dtype=np.intp)][:2]
+        bound = lattice.reversed
+        # What may follow the first combinations, come what may in the end.
+        promise = np.where(np.isfinite(lattice.values[0]), 0.0, -np.inf)
+        promise[ends[0] < 0] = -np.inf
+        promise[:, ends[1] < 0] = -np.inf
+        promise = promise + self._following(bound)
+        order = np.argsort(np.where(np.isfinite(promise), -promise, np.inf).ravel(), kind="stable")
+        order = order[: int(np.isfinite(promise).sum())]
+        tried: list[tuple[int, int]] = []
+        found: list[Route] = []
+        for apart in _BEGIN_APART:
+            for number in order:
+                i, j = (int(x) for x in np.unravel_index(number, promise.shape))
+                if len(found) == _BEGINNINGS or len(tried) == _LOOKED_AT:
+                    break
+                if any(self._beside(arms, (i, j), known, apart) for known in tried):
+                    continue
+                tried.append((i, j))
+                held = lattice.only(0, 0, i).only(0, 1, j)
+                held = held.only(-1, 0, int(ends[0][i])).only(-1, 1, int(ends[1][j]))
+                best = self._aggregated(held, 1) if held.open else []
+                found += [Route(each.nodes[:, : len(arms)], each.worth) for each in best]
+            if found:
+                break
+        return found
+
+    def _following(self, backward: Lattice) -> Array:
+        if self._worth.aggregate == "worst":
+            return backward.widest
+        weighed = [values / self._count for values in backward.values]
+        return Lattice(weighed, backward.one, backward.other).ending
+
+    def _beside(
+        self, arms: tuple[int, ...], one: tuple[int, ...], other: tuple[int, ...], apart: float
+    ) -> bool:
+        if one == other:
+            return True
+        mine = [self._roadmaps[i] for i in arms]
+        return all(
+            np.abs(r.apart(r.layers[0].q[a], r.layers[0].q[b])).max() < apart
+            for r, a, b in zip(mine, one, other, strict=False)
+        )
+
+    def _exchanged(self) -> list[Route]:
+        """Random routes, improved arm by arm beside the others' until none gets better, and the
+        best of them two arms at a time.
+        """
+        found = []
+        rng = np.random.default_rng([self._seed, len(self._roadmaps), 7])
+        single = [(i,) for i in self._every]
+        for number in range(_DRAWN):
+            columns = []
+            for i, roadmap in enumerate(self._roadmaps):
+                drawn = [rng.uniform(size=(len(layer.q), 1)) for layer in roadmap.layers]
+                mine = self._some((i,), drawn)
+                if mine is None:
+                    return []
+                columns.append(mine.nodes[:, 0])
+            route = Route(np.column_stack(columns), -np.inf)
+            if number % 2 and self._worth.aggregate == "worst":
+                # What is good on average is a different place to start from.
+                route = Route(self._of_means._swept(route, single).nodes, -np.inf)
+            route = self._swept(route, single)
+            found += [route] if np.isfinite(route.worth) else []
+        found.sort(key=lambda route: -route.worth)
+        double = list(itertools.combinations(self._every, 2))
+        return [self._swept(route, double) for route in found[:_POLISHED]] + found[_POLISHED:]
+
+    @property
+    def _of_means(self) -> RouteFinder:
+        """The same where the mean counts."""
+        other = copy(self)
+        other._worth = replace(self._worth, aggregate="mean")
+        return other
+
+    def _swept(self, route: Route, groups: Sequence[tuple[int, ...]]) -> Route:
+        """A route improved by groups of arms, one after the other, until none gets better."""
+        since = 0
+        for arms in itertools.islice(itertools.cycle(groups), _SWEEPS * len(groups)):
+            better = self._exchange(route, arms)
+            since = since + 1 if better.worth <= route.worth + _GAIN else 1
+            route = better if better.worth > route.worth else route
+            if since == len(groups) and np.isfinite(route.worth):
+                break
+        return route
+
+    def _exchange(self, route: Route, arms: tuple[int, ...]) -> Route:
+        """With the best routes of some arms beside the others'."""
+        values = [self.values.beside(k, arms, nodes) for k, nodes in enumerate(route.nodes)]
+        better = self._some(arms, values)
+        if better is None:
+            return route
+        nodes = route.nodes.copy()
+        nodes[:, list(arms)] = better.nodes
+        others = [
+            each.costs[a, b]
+            for j, moves in enumerate(self._moves)
+            if j not in arms
+            for each, a, b in zip(moves, nodes[:-1, j], nodes[1:, j], strict=True)
+        ]
+        return Route(nodes, better.worth - float(sum(others)))
+
+    def _some(self, arms: tuple[int, ...], values: Sequence[Array]) -> Route | None:
+        """The best route of one or two arms; where the motion is closed, back to its beginning."""
+        moving = self._moving(values, [self._moves[i] for i in arms])
+        lattice = self._held(moving, [self._roadmaps[i] for i in arms])
+        if self._returns:
+            return max(self._closed(arms, lattice), key=lambda each: each.worth, default=None)
+        best = next(iter(self._aggregated(lattice, 1)), None)
+        return None if best is None else Route(best.nodes[:, : len(arms)], best.worth)
+
+    def _apart(self, one: Route, other: Route) -> float:
+        """The largest difference of a joint in any layer, rad or m."""
+        return max(
+            float(np.abs(r.apart(layer.q[a], layer.q[b])).max())
+            for r, mine, theirs in zip(self._roadmaps, one.nodes.T, other.nodes.T, strict=True)
+            for layer, a, b in zip(r.layers, mine, theirs, strict=True)
+        )

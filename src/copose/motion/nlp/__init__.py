@@ -1,0 +1,1 @@
+"""The nonlinear program over all knots of a motion."""

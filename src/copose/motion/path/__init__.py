@@ -1,0 +1,1 @@
+"""The object's path through the world and its instants."""

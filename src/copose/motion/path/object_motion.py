@@ -1,0 +1,210 @@
+"""Where the object is, how fast it moves and how it accelerates along a path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from copose.poses import Array, Pose, quaternion_product
+from copose.problem import Problem
+
+# m of a path that counts as long as a turn of one radian.
+_PER_TURN = 0.3
+# m of a path that is none.
+_NOTHING = 1e-9
+# The largest speed of minimum jerk over the mean.
+_PEAK = 1.875
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectState:
+    """The object at an instant of a journey, rates by the share of the journey's duration.
+
+    Attributes:
+        pose: of its centre of mass in the world.
+        velocity: dp/dφ over the angular velocity by φ, world axes, (6,).
+        acceleration: alike, by φ twice, (6,).
+    """
+
+    pose: Pose
+    velocity: Array
+    acceleration: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """From one waypoint straight to the next, turning about one axis by the shortest angle.
+
+    Attributes:
+        first: pose at its beginning.
+        step: m, (3,).
+        turn: rotation vector in world axes, rad, (3,).
+        begins: φ at its beginning.
+        share: of the duration.
+    """
+
+    first: Pose
+    step: Array
+    turn: Array
+    begins: float
+    share: float
+
+    def at(self, phase: float) -> ObjectState:
+        """On the way by 10x³ − 15x⁴ + 6x⁵, x the part of the segment's time that is behind."""
+        x = np.clip((phase - self.begins) / self.share, 0.0, 1.0)
+        s = x**3 * (10 - 15 * x + 6 * x**2)
+        rate = 30 * x**2 * (1 - x) ** 2 / self.share
+        bend = 60 * x * (1 - x) * (1 - 2 * x) / self.share**2
+        along = np.concatenate([self.step, self.turn])
+        quaternion = np.array(quaternion_product(_turned(s * self.turn), self.first.quaternion))
+        return ObjectState(
+            pose=_pose(self.first.position + s * self.step, quaternion),
+            velocity=rate * along,
+            acceleration=bend * along,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectMotion:
+    """The object's way through its waypoints, by minimum jerk from rest to rest on every segment.
+
+    Durations of segments are in proportion to max(length, 0.3 m · angle). Time is told as φ, the
+    share of the whole duration that is behind: the same journey in another time is the same
+    function of φ.
+
+    Attributes:
+        segments: in order; one of no length where nothing moves.
+    """
+
+    segments: tuple[Segment, ...]
+
+    @classmethod
+    def of(cls, problem: Problem) -> ObjectMotion:
+        """The journey of ``[path]``; without one the object stays."""
+        poses = waypoint_poses(problem)
+        steps = [b.position - a.position for a, b in pairwise(poses)]
+        turns = [_turn(a, b) for a, b in pairwise(poses)]
+        sizes = np.array([_size(s, t) for s, t in zip(steps, turns, strict=True)])
+        if not sizes.any():
+            nothing = np.zeros(3)
+            return cls((Segment(poses[0], nothing, nothing, 0.0, 1.0),))
+        shares = sizes / sizes.sum()
+        begins = np.concatenate([[0.0], np.cumsum(shares)])
+        return cls(
+            tuple(
+                Segment(pose, step, turn, float(begin), float(share))
+                for pose, step, turn, begin, share in zip(
+                    poses[:-1], steps, turns, begins[:-1], shares, strict=True
+                )
+                if share > 0
+            )
+        )
+
+    @cached_property
+    def size(self) -> float:
+        """Σ max(length, 0.3 m · angle), m."""
+        return sum(_size(segment.step, segment.turn) for segment in self.segments)
+
+    @property
+    def still(self) -> bool:
+        """True where the object stays in its place."""
+        return self.size < _NOTHING
+
+    @property
+    def fastest(self) -> float:
+        """The largest slope of that by φ, m."""
+        sizes = [_size(s.step, s.turn) / s.share for s in self.segments]
+        return _PEAK * max(sizes)
+
+    @property
+    def speed(self) -> float:
+        """The largest of the centre of mass by φ, m."""
+        return _PEAK * max(float(np.linalg.norm(s.step)) / s.share for s in self.segments)
+
+    def at(self, phase: float) -> ObjectState:
+        """The object at a share of the duration."""
+        for segment in self.segments[:-1]:
+            if phase < segment.begins + segment.share:
+                return segment.at(phase)
+        return self.segments[-1].at(phase)
+
+    def places(self, phases: Array) -> tuple[Array, Array]:
+        """Positions, (count, 3), and quaternions, (count, 4), at many instants, for checks."""
+        positions, quaternions = np.empty((len(phases), 3)), np.empty((len(phases), 4))
+        begins = np.array([segment.begins for segment in self.segments])
+        which = np.maximum(np.searchsorted(begins, phases, side="right") - 1, 0)
+        for number, segment in enumerate(self.segments):
+            mine = which == number
+            x = np.clip((phases[mine] - segment.begins) / segment.share, 0.0, 1.0)
+            s = x**3 * (10 - 15 * x + 6 * x**2)
+            positions[mine] = segment.first.position + s[:, None] * segment.step
+            turned = _turned(s[:, None] * segment.turn)
+            first = segment.first.quaternion
+            quaternions[mine] = np.stack(quaternion_product(turned.T, first), axis=1)
+        return positions, quaternions
+
+    @property
+    def returns(self) -> bool:
+        """Whether it ends where it began."""
+        first, last = self.at(0.0).pose, self.at(1.0).pose
+        return bool(
+            np.allclose(first.position, last.position, rtol=0, atol=1e-9)
+            and np.linalg.norm(_turn(first, last)) < 1e-9
+        )
+
+
+def waypoint_poses(problem: Problem) -> list[Pose]:
+    """Where ``[path]`` has the object at its waypoints, all of it told; without one the object's
+    pose twice.
+    """
+    thing, planar, path = problem.object, problem.space.planar, problem.path
+    if path is None:
+        return [thing.pose, thing.pose]
+    position = thing.position
+    turn = (getattr(thing, "angle" if planar else "rpy"),)
+    poses = []
+    for waypoint in path.waypoints:
+        position = position if waypoint.position is None else waypoint.position
+        own = getattr(waypoint, "angle" if planar else "rpy")
+        turn = turn if own is None else (own,)
+        rpy = (0.0, 0.0, turn[0]) if planar else turn[0]
+        poses.append(Pose.from_rpy((*position, 0.0)[:3], rpy))
+    return poses
+
+
+def _size(step: Array, turn: Array) -> float:
+    return float(max(np.linalg.norm(step), _PER_TURN * np.linalg.norm(turn)))
+
+
+def _turn(a: Pose, b: Pose) -> Array:
+    """The rotation vector, world axes, that turns a into b by the shortest angle."""
+    back = a.quaternion * np.array([1.0, -1.0, -1.0, -1.0])
+    w, *v = np.array(quaternion_product(b.quaternion, back))
+    if w < 0:
+        w, v = -w, [-x for x in v]
+    size = np.linalg.norm(v)
+    if size < 1e-300:
+        return np.zeros(3)
+    return np.asarray(np.array(v) / size * 2 * np.arctan2(size, w))
+
+
+def _turned(vectors: Array) -> Array:
+    """Quaternions of rotation vectors, (..., 3)."""
+    angle = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    # sin(θ/2)/θ, without a quotient of zeros.
+    return np.concatenate([np.cos(angle / 2), np.sinc(angle / (2 * np.pi)) / 2 * vectors], axis=-1)
+
+
+def _pose(position: Array, quaternion: Array) -> Pose:
+    w, x, y, z = quaternion / np.linalg.norm(quaternion)
+    R = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    there = Pose.make(position, R, quaternion)
+    # By way of roll, pitch and yaw, which a problem is told: one pose for all that is computed.
+    return Pose.from_rpy(position, there.rpy)

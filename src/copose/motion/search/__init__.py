@@ -1,0 +1,1 @@
+"""The search for a motion: candidates, optimisation, refinement."""

@@ -1,0 +1,1 @@
+"""Objectives: what is maximised, each in a file of its own."""

@@ -1,0 +1,214 @@
+"""The ellipsoids of a given posture, and whether a result's numbers are what it says."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from copose.cell.cell import Cell
+from copose.cell.freedom import Freedom
+from copose.cell.notes import margin_notes
+from copose.collision import Scene
+from copose.constraints.clearance import overlap_notes, with_collision
+from copose.errors import InputError, arm_key
+from copose.kernels import one_at_a_time
+from copose.measurement.meter import Measurement, Meter
+from copose.objectives.build import objective_of
+from copose.poses import Array
+from copose.posture.placement.search import Placed
+from copose.posture.solution import Case, Placing, answer
+from copose.problem import Problem
+from copose.progress import Tell, stage, watched
+from copose.results import EllipsoidRecord, LinkRecord, Posture, Solution, Timing, link_records
+
+# What a given posture may miss its grasp or a limit by before it counts as open.
+TOLERANCE = 1e-6
+
+
+@one_at_a_time
+def evaluate(
+    problem: Problem,
+    joints: Mapping[str, Sequence[float]] | Solution | None = None,
+    *,
+    progress: Tell | None = None,
+) -> Solution:
+    """The ellipsoids of a posture, neither projected nor optimised.
+
+    Args:
+        problem: as read by `copose.load`.
+        joints: joint positions by arm, rad or m; default the ``start`` of every arm. Of a result
+            its ``after``, with what is free where it has it; else that is where the file has it.
+        progress: called with a `copose.Progress` as stages begin.
+
+    Returns:
+        A solution with the posture as ``after``; ``infeasible`` where it is open or breaks a limit.
+
+    Raises:
+        InputError: an arm has no start, or ``joints`` do not fit the arms.
+    """
+    with watched(progress):
+        return _evaluated(problem, joints)
+
+
+def _evaluated(
+    problem: Problem, joints: Mapping[str, Sequence[float]] | Solution | None
+) -> Solution:
+    began = time.perf_counter()
+    stage("building")
+    cell, freedom = Cell.of(problem), Freedom.of(problem)
+    x = freedom.nominal
+    if isinstance(joints, Solution):
+        if joints.cases is not None:
+            raise InputError("are several postures; evaluate takes one", key="cases")
+        if joints.after is None:
+            raise InputError("has no posture: null", key="after")
+        x, joints = freedom.stated(problem, joints, "after"), joints.after.joints
+    cell = freedom.at(cell, x)
+    q = _starts(cell) if joints is None else cell.given(joints)
+    meter = Meter(cell)
+    built = time.perf_counter()
+    stage("measuring")
+    measured = meter.measure(cell, q, everything=True)
+    notes = margin_notes(cell, q)
+    stage("measuring distances")
+    links: tuple[LinkRecord, ...] = ()
+    try:
+        scene = Scene.of(cell.problem, cell.arms)
+    except InputError:
+        # Robots without shapes are no fault where none is asked for.
+        if problem.constraints.collision:
+            raise
+    else:
+        links = link_records(scene.solids, cell.arms, planar=scene.planar)
+        bodies = scene.bodies(cell.arms, problem.constraints.clearance)
+        if problem.constraints.collision:
+            measured = with_collision(cell, measured, bodies)
+            notes += scene.notes
+        else:
+            notes += overlap_notes(cell, bodies, q)
+    placed = Placed((x,), (np.concatenate(q),), np.nan)
+    after = Placing(placed, (Case(measured, 1.0),)) if len(freedom) else measured
+    timing = Timing(build_s=built - began, search_s=time.perf_counter() - built)
+    fault = next(faults(cell, q, measured), None)
+    if fault is None:
+        return answer(
+            cell, meter.objective, status="solved", notes=notes, after=after, timing=timing,
+            links=links,
+        )  # fmt: skip
+    return answer(
+        cell, meter.objective, status="infeasible", reason=fault, notes=notes, miss=measured,
+        timing=timing, links=links,
+    )  # fmt: skip
+
+
+def _starts(cell: Cell) -> list[Array]:
+    starts = []
+    for i, arm in enumerate(cell.arms):
+        if arm.start is None:
+            raise InputError(
+                "missing; to evaluate a posture give every arm a start, or name a result",
+                key=f"{arm_key(i, arm.name)}.start",
+                file=cell.problem.source,
+            )
+        starts.append(arm.start)
+    return starts
+
+
+def faults(cell: Cell, q: Sequence[Array], measured: Measurement) -> Iterator[str]:
+    """Limits that a posture, by arm (n_i,), breaks and grasps that it misses, a sentence each."""
+    for arm, positions in zip(cell.arms, q, strict=True):
+        for joint, position in zip(arm.joints, positions, strict=True):
+            beyond = max(joint.lower - position, position - joint.upper)
+            if beyond > TOLERANCE:
+                yield (
+                    f"arm {arm.name!r}: joint {joint.name!r} at {position:.6g} is {beyond:.4g} "
+                    f"beyond its limits {joint.lower:g} … {joint.upper:g}"
+                )
+    for name, error in measured.posture.closure_error.items():
+        if error > TOLERANCE:
+            unit = "m or rad" if cell.system.space.rigid else "m"
+            yield f"arm {name!r} misses its grasp by {error:.4g} {unit}"
+
+
+@one_at_a_time
+def verify(problem: Problem, solution: Solution) -> tuple[str, ...]:
+    """Recompute every number of a result from its joints; say what does not agree.
+
+    Returns:
+        One sentence per disagreement beyond 1e-8 relative; empty where the result is right.
+    """
+    given, freedom = Cell.of(problem), Freedom.of(problem)
+    meter = Meter(given)
+    objective = meter.objective
+    wrong = []
+    if (solution.objective.kind, solution.objective.unit) != (objective.kind, objective.unit):
+        wrong.append(f"the objective is {objective.kind}, in {objective.unit}")
+    for when, postures in (
+        ("before", solution.cases_before or (solution.before,)),
+        ("after", solution.cases or (solution.after,)),
+    ):
+        total: float | None = 0.0
+        names = [case.name for case in problem.cases] or [""]
+        weights = [case.weight for case in problem.cases] or [1.0]
+        if len(postures) != len(names):
+            wrong.append(f"{when}: {len(names)} cases are expected")
+            continue
+        for k, stated in enumerate(postures):
+            if stated is None:
+                total = None
+                continue
+            where = f"{when}, {names[k]}" if names[k] else when
+            cell = freedom.at(given.cases[k], freedom.stated(problem, solution, when, names[k]))
+            joints = cell.given(stated.joints)
+            everything = "companions" in stated.model_fields_set
+            here = meter.toward(objective if not names[k] else objective_of(cell))
+            measured = here.measure(cell, joints, everything=everything)
+            wrong += [f"{where}: {fault}" for fault in faults(cell, joints, measured)]
+            wrong += [f"{where}: {key}" for key in _differences(stated, measured.posture)]
+            value = measured.value
+            total = None if total is None or value is None else total + weights[k] * value
+        if total is not None and not _near(getattr(solution.objective, when), total):
+            wrong.append(f"{when}: the objective is {total!r}")
+    return tuple(wrong)
+
+
+def _differences(stated: Posture, measured: Posture) -> Iterator[str]:
+    pairs = [("ellipsoid", stated.ellipsoid, measured.ellipsoid)]
+    for name, arm in measured.arms.items():
+        if name not in stated.arms:
+            yield f"arms.{name} is missing"
+            continue
+        pairs.append((f"arms.{name}.ellipsoid", stated.arms[name].ellipsoid, arm.ellipsoid))
+        for key in ("skeleton", "quaternions", "grasp"):
+            if not _near(getattr(stated.arms[name], key), getattr(arm, key)):
+                yield f"arms.{name}.{key} does not follow from the joints"
+        if abs(stated.closure_error.get(name, np.inf) - measured.closure_error[name]) > 1e-8:
+            yield f"closure_error.{name} does not follow from the joints"
+    for name, volume in measured.log_volumes.items():
+        if not _near(stated.log_volumes.get(name), volume):
+            yield f"log_volumes.{name} does not follow from the joints"
+    for where, one, other in pairs:
+        for key in EllipsoidRecord.model_fields:
+            if not _near(getattr(one, key), getattr(other, key)):
+                yield f"{where}.{key} does not follow from the joints"
+    for what in ("base", "grasp"):
+        frames = getattr(measured, what) or {}
+        for name, placed in frames.items():
+            told = (getattr(stated, what) or {}).get(name)
+            for key, number in placed:
+                if told is None or not _near(getattr(told, key, None), number):
+                    yield f"{what}.{name}.{key} is not what freedom says"
+    for key, value in measured.object:
+        if not _near(getattr(stated.object, key, None), value):
+            yield f"object.{key} is not the problem's"
+
+
+def _near(one: object, other: object) -> bool:
+    if one is None or other is None:
+        return one is other
+    a, b = np.array(one, dtype=float), np.array(other, dtype=float)
+    return a.shape == b.shape and bool(
+        np.allclose(a, b, rtol=1e-8, atol=1e-8 * max(float(np.abs(b).max()), 1e-300))
+    )

@@ -1,0 +1,1 @@
+"""The objective over the self-motions of the arms."""

@@ -1,0 +1,169 @@
+"""The objective over the self-motions of two arms together.
+
+With the object held still an ellipsoid depends on sums over the arms, so a map over two
+self-motions takes the terms of each posture of either, and one batch of sums. What linear programs
+decide is looked at on a coarser grid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from copose.objectives.ellipsoid_measures import EllipsoidMeasure
+from copose.poses import Array, Mask
+from copose.posture.landscape.branches import held_postures
+from copose.posture.landscape.curve_values import kept_clear, objectives_of, self_motions, slow
+from copose.posture.model import PostureModel, Setting
+from copose.progress import heed
+from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
+
+# Postures of each arm in a map; where linear programs decide; where these are many or large.
+_FINE = 120
+_COARSE = 24
+_COARSEST = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Landscape:
+    """The objective over the self-motions of two arms, the others where they are.
+
+    Attributes:
+        first: self-motion of the arm of the rows.
+        second: of the arm of the columns.
+        rows: arc lengths along the first, rad (or m), within its `window`, (P,).
+        columns: along the second, (Q,).
+        values: the objective, (P, Q); NaN where there is none, and beyond limits where linear
+            programs decide.
+        allowed: what limits and clearance leave, and torques hold where they have to, (P, Q).
+        estimated: whether values are bounds and not exact.
+        unit: of the objective.
+        present: arc lengths at the arms' posture and its value; None on other self-motions.
+        others: maps of the other pairs of self-motions, where they were asked for.
+    """
+
+    first: SelfMotionCurve
+    second: SelfMotionCurve
+    rows: Array
+    columns: Array
+    values: Array
+    allowed: Mask
+    estimated: bool
+    unit: str
+    present: tuple[float, float, float] | None
+    others: tuple[Landscape, ...] = ()
+
+    @property
+    def best(self) -> tuple[float, float, float] | None:
+        """Arc lengths along both and the value of the best that is allowed, or of the present if
+        that is no worse; None without one.
+        """
+        if not self.allowed.any():
+            return None
+        worth = np.where(self.allowed, self.values, -np.inf)
+        a, b = np.unravel_index(int(worth.argmax()), worth.shape)
+        if self.present is not None and self.present[2] >= worth[a, b]:
+            return self.present
+        return float(self.rows[a]), float(self.columns[b]), float(self.values[a, b])
+
+
+def landscape(
+    model: PostureModel,
+    setting: Setting,
+    joints: Sequence[Array],
+    arms: tuple[int, int],
+    seed: int,
+    every: bool,
+    known: Sequence[SelfMotionCurve] = (),
+) -> Landscape:
+    """The map over the self-motions of two arms.
+
+    Args:
+        model: what is built.
+        setting: where the object is.
+        joints: the posture, by arm (n_i,).
+        arms: numbers of both.
+        seed: as for `self_motions`.
+        every: whether the other pairs of self-motions are mapped too.
+        known: as for `self_motions`.
+
+    Raises:
+        InputError: as for `self_motions`.
+    """
+    first, second = self_motions(model, setting, joints, arms, seed, known)
+    q = held_postures(model, setting, joints)
+    pairs = [
+        (one, other)
+        for one in (first, *(first.others if every else ()))
+        for other in (second, *(second.others if every else ()))
+    ]
+    maps = [_mapped(model, setting, q, arms, *pair) for pair in pairs]
+    return replace(maps[0], others=tuple(maps[1:]))
+
+
+def _mapped(
+    model: PostureModel,
+    setting: Setting,
+    q: Sequence[Array],
+    arms: tuple[int, int],
+    first: SelfMotionCurve,
+    second: SelfMotionCurve,
+) -> Landscape:
+    """The map over a pair of self-motions."""
+    heed()
+    programs = model.capacity is not None
+    count = _COARSEST if slow(model) else _COARSE if programs else _FINE
+    s = [curve.spaced(*curve.window, count) for curve in (first, second)]
+    points = [curve.postures(x) for curve, x in zip((first, second), s, strict=True)]
+    every = _combined(q, arms, points)
+    allowed = first.within(s[0])[:, None] & second.within(s[1])
+    if isinstance(setting.objective, EllipsoidMeasure):
+        values = _summed(model, setting, q, arms, points)
+    else:
+        values, rows = np.full(count**2, np.nan), allowed.ravel()
+        values[rows] = objectives_of(model, setting, [mine[rows] for mine in every])
+    values = values.reshape(count, count)
+    allowed &= np.isfinite(values)
+    if setting.bodies is not None and allowed.any():
+        postures = [mine[None] for mine in q]
+        postures[arms[0]], postures[arms[1]] = points
+        chosen = np.zeros((int(allowed.sum()), len(q)), dtype=np.intp)
+        chosen[:, list(arms)] = np.argwhere(allowed)
+        allowed[allowed] = kept_clear(setting, postures, chosen)
+    if model.static and allowed.any():
+        rows = allowed.ravel()
+        allowed[allowed] = model.held(setting, np.hstack(every)[rows])
+    present = None
+    if first.present is not None and second.present is not None and first.value is not None:
+        present = first.present, second.present, first.value
+    return Landscape(
+        first=first, second=second, rows=s[0], columns=s[1], values=values, allowed=allowed,
+        estimated=model.dear, unit=setting.objective.unit, present=present,
+    )  # fmt: skip
+
+
+def _summed(
+    model: PostureModel,
+    setting: Setting,
+    q: Sequence[Array],
+    arms: tuple[int, int],
+    points: Sequence[Array],
+) -> Array:
+    """The same of all pairs of postures of two arms, (P, n) and (Q, n): (P·Q,)."""
+    ties = setting.placement.ties
+    one, other = (model.arms[i].terms(mine, ties[i]) for i, mine in zip(arms, points, strict=True))
+    rest = [model.arms[i].terms(mine[None], ties[i]) for i, mine in enumerate(q) if i not in arms]
+    sums = one[:, None] + (other + sum(rest))[None]
+    values = model.objectives_of(setting, sums.reshape(-1, sums.shape[2]))
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _combined(q: Sequence[Array], arms: tuple[int, int], points: Sequence[Array]) -> list[Array]:
+    """All pairs of postures of two arms, by arm (P·Q, n_i), with the others where they are."""
+    count, many = map(len, points)
+    every = [np.tile(mine, (count * many, 1)) for mine in q]
+    every[arms[0]] = np.repeat(points[0], many, axis=0)
+    every[arms[1]] = np.tile(points[1], (count, 1))
+    return every

@@ -1,0 +1,1 @@
+"""Local optima: searches from many starts, with what a program left out."""

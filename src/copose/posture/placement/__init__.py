@@ -1,0 +1,1 @@
+"""The search where more than joints is free."""

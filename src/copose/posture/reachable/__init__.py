@@ -1,0 +1,1 @@
+"""Postures that arms can reach without letting go."""

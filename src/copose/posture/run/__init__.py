@@ -1,0 +1,1 @@
+"""One answer: its acceptance and its evidence."""

@@ -1,0 +1,108 @@
+"""Why no posture keeps the torque limits: which joint gives way, and what would be possible."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from copose.cell.cell import Cell
+from copose.objectives.limits_measures import Payload
+from copose.poses import Array
+from copose.posture.model import PostureModel, Setting
+from copose.posture.search.global_search import EFFORTS, search
+from copose.progress import hushed
+
+# Combinations of arms' postures that are judged one by one, at most.
+_COMBINED = 4096
+# Relative; beyond it no wrenches carry the object.
+_CARRIED = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Heaviest:
+    """The postures of a cell that hold the most.
+
+    Attributes:
+        q: stacked joints, (count, N), that of the largest mass first.
+        mass: kg that the first holds, None where no posture holds anything.
+        reason: a sentence on a cell in which no posture holds the object at rest: a joint's share
+            of its limit is the largest in the first posture with the object as it is.
+        sure: whether nothing holds more: contacts that cannot carry the object whatever the
+            torques, or all postures were judged.
+    """
+
+    q: Array
+    mass: float | None
+    reason: str
+    sure: bool
+
+
+def all_judged(cell: Cell) -> bool:
+    """Whether a search compares all postures: of one or two arms, each of which has finitely many
+    or curves of them that are followed whole.
+    """
+    return len(cell.arms) <= 2 and all(cell.spare(i) <= 1 for i in range(len(cell.arms)))
+
+
+def combinations(postures: Sequence[Array]) -> Array:
+    """All combinations of the arms' postures, (count_i, n_i), stacked, (count, N); none where they
+    are too many to judge.
+    """
+    counts = [len(mine) for mine in postures]
+    if math.prod(counts) > _COMBINED:
+        return np.zeros((0, sum(mine.shape[1] for mine in postures)))
+    grids = np.indices(counts).reshape(len(counts), -1)
+    return np.hstack([mine[rows] for mine, rows in zip(postures, grids, strict=True)])
+
+
+def uncarried(setting: Setting) -> bool:
+    """Whether no contact wrenches, however large, hold the object at rest."""
+    assert setting.holding is not None
+    P, weight = np.hstack(setting.holding.balance), setting.holding.weight
+    missed = P @ np.linalg.lstsq(P, weight, rcond=None)[0] - weight
+    return bool(np.abs(missed).max() > _CARRIED * (1 + np.abs(weight).max()))
+
+
+def heaviest(cell: Cell, seed: int) -> Heaviest:
+    """Search for them."""
+    limits = cell.counted_limits
+    constraints = cell.problem.constraints.model_copy(update={"static_torque": False})
+    free = cell.under(constraints)
+    rest = np.zeros(cell.problem.space.m)
+    model = PostureModel(free, Payload(limits, rest, cell.problem.space))
+    setting = model.setting(free)
+    with hushed():
+        found = search(model, setting, seed, EFFORTS["normal"])
+    nothing = "no posture holds the object at rest within the torque limits"
+    q = np.array([optimum.q for optimum in found.optima])
+    if len(q) == 0 or setting.holding is None or model.capacity is None:
+        reason = f"{nothing} and those of contact wrenches, however light it is"
+        bound = setting.holding is not None and uncarried(setting)
+        return Heaviest(q, None, reason, bound or all_judged(cell))
+    best = found.optima[0]
+    parts = [mine[None] for mine in cell.system.split(best.q)]
+    hold = model.capacity.dynamics(setting.holding, parts).hold(setting.holding.hold)
+    if hold is None:
+        reason = f"{nothing} and those of contact wrenches"
+        return Heaviest(q, best.objective, reason, all_judged(cell))
+    shares = np.concatenate([np.abs(t) / T for t, T in zip(hold.torques, limits, strict=True)])
+    names = [f"{arm.name}/{joint.name}" for arm in cell.arms for joint in arm.joints]
+    # Several give way at once; rounding must not choose between them.
+    worst = int(np.argmax(shares >= shares.max() - 1e-6))
+    possible = f"a mass of {best.objective:.4g} kg would be possible"
+    if best.objective <= 0:
+        possible = "the arms cannot even hold themselves"
+    reason = (
+        f"{nothing}: joint {names[worst]} gives way, at best with {times(shares[worst])} times its "
+        f"limit; {possible}"
+    )
+    return Heaviest(q, best.objective, reason, all_judged(cell))
+
+
+def times(share: float) -> str:
+    """A share of a limit in words, three digits after the point: never 1 for what is more."""
+    told = f"{share:.3f}"
+    return told if share <= 1 or float(told) > 1 else f"{share:.7f}"

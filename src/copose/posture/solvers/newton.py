@@ -1,0 +1,392 @@
+"""Local maxima under the closed chain, many at once: Newton steps along the self-motions.
+
+The posture program with its closure solved for: every arm moves in the tangent space of its own
+self-motion, Newton's Hessian is that of the Lagrangian in these few directions, joints that limits
+stop are held there as long as their multipliers push outwards: an active-set method. Written out
+because no library takes steps on closed chains in batches, and IPOPT takes longer to start than
+this to end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from copose.poses import Array, Indices, Mask
+from copose.posture.search.screening import Score
+from copose.self_motion.kernels import ArmKernels
+from copose.self_motion.projection import CLOSED, project
+from copose.self_motion.tangent_space import Tangent
+
+# IPOPT's: optimality, scaled as its authors do, and closure.
+TOLERANCE = 1e-9
+_SCALE = 100.0
+_ITERATIONS = 60
+_HALVINGS = 12
+# Of a joint in one step, rad or m.
+_LONGEST = 0.3
+_DIFFERENCE = 1e-6
+_AT_LIMIT = 1e-10
+_FLATTEST = 1e-8
+# What a value may be off where a chain is open by a little.
+_NOISE = 1e-10
+_CLOSED_WELL = 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class Polished:
+    """Where starts ended.
+
+    Attributes:
+        q: joints of all arms, (count, N).
+        value: of the score, (count,).
+        error: IPOPT's measure of optimality there, (count,).
+    """
+
+    q: Array
+    value: Array
+    error: Array
+
+    @property
+    def converged(self) -> Mask:
+        """Whether IPOPT's tolerance is met, (count,)."""
+        return np.asarray(self.error <= TOLERANCE)
+
+
+@dataclass(frozen=True, eq=False)
+class ArmGroup:
+    """Arms of one model, which take every step side by side.
+
+    Attributes:
+        kernels: of the model.
+        columns: of each arm's joints among all of them, (k, n).
+        goals: of the tips, see `Placement`, (k, 7).
+        ties: to the object, alike, (k, 2m² + n).
+        lower: joint limits, infinite where a joint can turn all the way, (k, n).
+        upper: alike.
+    """
+
+    kernels: ArmKernels
+    columns: Indices
+    goals: Array
+    ties: Array
+    lower: Array
+    upper: Array
+
+    def terms(self, q: Array) -> Array:
+        """What the arms add to the sums, (count, k, s), at q, (count, k, n)."""
+        count, k, n = q.shape
+        ties = self.ties if count == 1 else np.tile(self.ties, (count, 1))
+        return self.kernels.terms(q.reshape(-1, n), ties).reshape(count, k, -1)
+
+    def local(self, q: Array, weights: Array) -> tuple[Array, Array, Array]:
+        """Terms, (rows, s), J, (rows, m, n), and slopes, (rows, n), of the arms of many starts.
+
+        Args:
+            q: (count, k, d, n).
+            weights: of the terms, (count, s).
+        """
+        count, k, d, n = q.shape
+        m, s = self.kernels.m, weights.shape[1]
+        x = np.empty((count, k, d, n + s))
+        x[..., :n], x[..., n:] = q, weights[:, None, None]
+        given = np.hstack([self.goals, self.ties])
+        if count * d != 1:
+            given = np.tile(np.repeat(given, d, axis=0), (count, 1))
+        values = self.kernels.local(x.reshape(-1, n + s), given)
+        J = values[:, s : s + m * n].reshape(-1, m, n)
+        return values[:, :s], J, values[:, s + m * n :]
+
+    def stopped(self, q: Array) -> Mask:
+        """Which joints are at a limit, (count, k, n)."""
+        return np.asarray((q <= self.lower) | (q >= self.upper))
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Postures with everything that the next step takes.
+
+    Attributes:
+        q: by crew, (count, k, n).
+        held: by crew, joints that are taken to be stopped, (count, k, n).
+        terms: by crew, (count, k, s).
+        value: (count,).
+        weights: derivatives of the value by the sums of the terms, (count, s).
+    """
+
+    q: list[Array]
+    held: list[Mask]
+    terms: list[Array]
+    sums: Array
+    value: Array
+    weights: Array
+
+    def taken(self, rows: Mask) -> _Point:
+        """Those of some starts."""
+        if rows.all():
+            return self
+        return _Point(
+            [q[rows] for q in self.q],
+            [held[rows] for held in self.held],
+            [terms[rows] for terms in self.terms],
+            self.sums[rows],
+            self.value[rows],
+            self.weights[rows],
+        )
+
+    def put(self, rows: Indices, other: _Point, chosen: Mask) -> None:
+        """Take chosen starts of another in the place of some of these."""
+        for mine, theirs in (
+            *zip(self.q, other.q, strict=True),
+            *zip(self.held, other.held, strict=True),
+            *zip(self.terms, other.terms, strict=True),
+            (self.sums, other.sums),
+            (self.value, other.value),
+            (self.weights, other.weights),
+        ):
+            mine[rows] = theirs[chosen]
+
+
+@dataclass(frozen=True, eq=False)
+class Polisher:
+    """Maximises a score over the postures of a cell.
+
+    Attributes:
+        crews: the arms that move.
+        score: of the sums of all arms' terms.
+        given: what the score's kernels take beside the sums.
+        rest: what arms that do not move add to the sums, (s,).
+    """
+
+    crews: Sequence[ArmGroup]
+    score: Score
+    given: Array
+    rest: Array | float
+
+    def polish(self, q: Array) -> Polished:
+        """Climb from closed postures, (count, N), to local maxima."""
+        if not self.crews:
+            sums = np.broadcast_to(self.rest, (len(q), np.size(self.rest)))
+            return Polished(q, self.score.slope(sums, self.given)[:, 0], np.zeros(len(q)))
+        found = Polished(q.copy(), np.full(len(q), -np.inf), np.full(len(q), np.inf))
+
+        def settle(some: Mask, error: Array) -> None:
+            for crew, part in zip(self.crews, point.q, strict=True):
+                found.q[rows[some][:, None, None], crew.columns] = part[some]
+            found.value[rows[some]], found.error[rows[some]] = point.value[some], error[some]
+
+        parts = [q[:, crew.columns] for crew in self.crews]
+        stopped = [crew.stopped(part) for crew, part in zip(self.crews, parts, strict=True)]
+        point = self._point(parts, stopped)
+        sound = np.isfinite(point.value)
+        rows, point = np.flatnonzero(sound), point.taken(sound)
+        for left in range(_ITERATIONS, -1, -1):
+            if len(rows) == 0:
+                break
+            tangents = [self._tangent(j, point) for j in range(len(self.crews))]
+            error = self._error(tangents, len(rows))
+            done = (error <= TOLERANCE) | (left == 0)
+            if done.any():
+                settle(done, error)
+                going = ~done
+                rows, point, error = rows[going], point.taken(going), error[going]
+                if len(rows) == 0:
+                    break
+                tangents = [
+                    tangent.taken(np.repeat(going, len(crew.columns)))
+                    for crew, tangent in zip(self.crews, tangents, strict=True)
+                ]
+            ahead, moved = self._advance(point, *self._feasible_direction(point, tangents))
+            if moved.all():
+                point = ahead
+            else:
+                settle(~moved, error)
+                rows, point = rows[moved], ahead.taken(moved)
+        return found
+
+    def _point(self, q: list[Array], held: list[Mask]) -> _Point:
+        terms = [crew.terms(mine) for crew, mine in zip(self.crews, q, strict=True)]
+        sums = np.asarray(sum(mine.sum(axis=1) for mine in terms) + self.rest)
+        both = self.score.slope(sums, self.given)
+        return _Point(q, held, terms, sums, both[:, 0].copy(), both[:, 1:])
+
+    def _tangent(self, j: int, point: _Point) -> Tangent:
+        """The tangent spaces of a crew, with joints let go that gain by leaving their limits."""
+        crew, q, held = self.crews[j], point.q[j], point.held[j]
+        _, J, slope = crew.local(q[:, :, None], point.weights)
+        if not held.any():
+            return Tangent.of(J, slope, held.reshape(slope.shape))
+        above, below = q >= crew.upper, q <= crew.lower
+        outward = (above.astype(float) - below).reshape(slope.shape)
+        held = (held & (above | below)).reshape(slope.shape)
+        return Tangent.of(J, slope, held).released(outward)
+
+    def _error(self, tangents: list[Tangent], count: int) -> Array:
+        """IPOPT's scaled dual infeasibility, (count,).
+
+        The largest entry of ∇f + Jᵀλ − z with least-squares multipliers, over
+        max(100, mean |λ|, |z|)/100 (A. Wächter, L. T. Biegler, 2006, eq. 5).
+        """
+        largest, total, entries = 0.0, 0.0, 0
+        for tangent in tangents:
+            left = np.abs(tangent.left)
+            rest = np.where(tangent.held, 0.0, left).reshape(count, -1)
+            largest = np.maximum(largest, rest.max(axis=1))
+            total = total + left.reshape(count, -1).sum(axis=1) - rest.sum(axis=1)
+            forces = np.abs(tangent.forces).reshape(count, -1)
+            total += forces.sum(axis=1)
+            entries += rest.shape[1] + forces.shape[1]
+        return np.asarray(largest / np.maximum(1.0, total / entries / _SCALE))
+
+    def _feasible_direction(
+        self, point: _Point, tangents: list[Tangent]
+    ) -> tuple[list[Tangent], list[Array]]:
+        """A direction that pushes no joint through its limit, and the tangent spaces it is of."""
+        direction = self._direction(point, tangents)
+        for _ in range(max(crew.kernels.n for crew in self.crews)):
+            pushed = [
+                ((q >= crew.upper) & (step > 0) | (q <= crew.lower) & (step < 0)).reshape(
+                    tangent.held.shape
+                )
+                & ~tangent.held
+                for crew, q, step, tangent in zip(
+                    self.crews, point.q, direction, tangents, strict=True
+                )
+            ]
+            if not any(push.any() for push in pushed):
+                break
+            tangents = [t.holding(push) for t, push in zip(tangents, pushed, strict=True)]
+            direction = self._direction(point, tangents)
+        return tangents, direction
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def _direction(self, point: _Point, tangents: list[Tangent]) -> list[Array]:
+        """A Newton step in the tangent spaces that ascends, by crew, (count, k, n).
+
+        Curvature that is beyond all numbers is that of a step along the gradient, see `_ascent`.
+        """
+        count = len(point.value)
+        changes, blocks = [], []
+        for j, (crew, tangent) in enumerate(zip(self.crews, tangents, strict=True)):
+            k, (d, n) = len(crew.columns), tangent.basis.shape[1:]
+            basis = tangent.basis.reshape(count, k, d, n)
+            beside = point.q[j][:, :, None] + _DIFFERENCE * basis
+            terms, J, slope = crew.local(beside, point.weights)
+            J = J.reshape(count * k, d, crew.kernels.m, n)
+            bend = slope.reshape(count * k, d, n) - tangent.slope[:, None]
+            bend -= (tangent.forces[:, None, None] @ (J - tangent.J[:, None]))[:, :, 0]
+            curvature = bend @ tangent.basis.transpose(0, 2, 1) / _DIFFERENCE
+            blocks += list(curvature.reshape(count, k, d, d).swapaxes(0, 1))
+            change = terms.reshape(count, k, d, point.sums.shape[1]) - point.terms[j][:, :, None]
+            changes.append(change.reshape(count, k * d, point.sums.shape[1]) / _DIFFERENCE)
+        change = np.concatenate(changes, axis=1)
+        free = change.shape[1]
+        if free == 0:
+            return [np.zeros_like(q) for q in point.q]
+        shifted = point.sums[:, None] + _DIFFERENCE * change
+        weights = self.score.slope(shifted.reshape(count * free, -1), self.given)[:, 1:]
+        bent = weights.reshape(count, free, -1) - point.weights[:, None]
+        H = bent @ change.transpose(0, 2, 1) / _DIFFERENCE
+        first = 0
+        for block in blocks:
+            last = first + block.shape[1]
+            H[:, first:last, first:last] += block
+            first = last
+        gradient = np.concatenate(
+            [
+                (t.basis @ t.slope[:, :, None]).reshape(count, t.basis.shape[1] * len(c.columns))
+                for c, t in zip(self.crews, tangents, strict=True)
+            ],
+            axis=1,
+        )
+        step = _ascent(H, gradient)
+        direction, first = [], 0
+        for crew, tangent in zip(self.crews, tangents, strict=True):
+            k, (d, n) = len(crew.columns), tangent.basis.shape[1:]
+            part = step[:, first : first + k * d].reshape(count * k, 1, d)
+            direction.append((part @ tangent.basis).reshape(count, k, n))
+            first += k * d
+        return direction
+
+    def _advance(
+        self, point: _Point, tangents: list[Tangent], direction: list[Array]
+    ) -> tuple[_Point, Mask]:
+        """Go along the direction as far as limits allow and the value grows.
+
+        Returns:
+            The new postures, and which of them moved.
+        """
+        count = len(point.value)
+        reach, gain = np.ones(count), np.zeros(count)
+        held = []
+        for j, (crew, step) in enumerate(zip(self.crews, direction, strict=True)):
+            size = np.abs(step)
+            reach = np.minimum(reach, _LONGEST / np.maximum(size.max(axis=(1, 2)), _LONGEST))
+            room = np.where(step > 0, crew.upper - point.q[j], point.q[j] - crew.lower)
+            part = np.full_like(step, np.inf)
+            np.divide(np.maximum(room, 0.0), size, out=part, where=size > 1e-200)
+            reach = np.minimum(reach, part.min(axis=(1, 2)))
+            gain += (tangents[j].slope.reshape(step.shape) * step).sum(axis=(1, 2))
+            held.append(tangents[j].held.reshape(step.shape))
+        noise = _NOISE * (1 + np.abs(point.value))
+        closed, ahead = self._retracted(point.q, direction, reach, held)
+        moved = closed & (ahead.value >= point.value + 1e-4 * reach * gain - noise)
+        trying = np.flatnonzero(~moved)
+        for _ in range(_HALVINGS):
+            if len(trying) == 0:
+                break
+            reach[trying] /= 2
+            closed, trial = self._retracted(
+                [q[trying] for q in point.q], [step[trying] for step in direction], reach[trying],
+                [each[trying] for each in held],
+            )  # fmt: skip
+            wanted = (point.value + 1e-4 * reach * gain - noise)[trying]
+            good = closed & (trial.value >= wanted)
+            ahead.put(trying[good], trial, good)
+            moved[trying[good]] = True
+            trying = trying[~good]
+        return ahead, moved
+
+    def _retracted(
+        self, q: list[Array], direction: list[Array], reach: Array, held: list[Mask]
+    ) -> tuple[Mask, _Point]:
+        """Postures after a step, closed again, with held joints where they are."""
+        ends, stops = [], []
+        closed = np.ones(len(reach), dtype=bool)
+        for j, crew in enumerate(self.crews):
+            there, stop = q[j], held[j]
+            shape, n = there.shape, there.shape[2]
+            guess = there + reach[:, None, None] * direction[j]
+            low, high = guess < crew.lower + _AT_LIMIT, guess > crew.upper - _AT_LIMIT
+            if low.any() or high.any():
+                guess = np.where(low, crew.lower, np.where(high, crew.upper, guess))
+                # What a step of full reach brings to its limit stays there.
+                stop = stop | ((low | high) & ~crew.stopped(there))
+            lower, upper, goals = crew.lower, crew.upper, crew.goals
+            if len(reach) > 1:
+                goals = np.tile(goals, (len(reach), 1))
+                lower, upper = np.broadcast_arrays(lower, upper, guess)[:2]
+            if stop.any():
+                lower, upper = np.where(stop, guess, lower), np.where(stop, guess, upper)
+            end, gap = project(
+                crew.kernels, guess.reshape(-1, n), goals, lower.reshape(-1, n),
+                upper.reshape(-1, n), steps=12, closed=_CLOSED_WELL,
+            )  # fmt: skip
+            closed &= (gap < CLOSED).reshape(shape[:2]).all(axis=1)
+            ends.append(end.reshape(shape))
+            stops.append(stop | crew.stopped(ends[-1]))
+        return closed, self._point(ends, stops)
+
+
+def _ascent(H: Array, gradient: Array) -> Array:
+    """Newton's step for a maximum, with the Hessian's eigenvalues made negative, (count, D)."""
+    H = (H + H.transpose(0, 2, 1)) / 2
+    sound = np.asarray(np.isfinite(H).all(axis=(1, 2)))
+    H[~sound] = -np.eye(H.shape[1])
+    values, vectors = np.linalg.eigh(H)
+    size = np.abs(values)
+    size = np.maximum(size, _FLATTEST * np.maximum(size.max(axis=1, keepdims=True), 1.0))
+    along = (vectors.transpose(0, 2, 1) @ gradient[:, :, None])[:, :, 0]
+    return np.asarray((vectors @ (along / size)[:, :, None])[:, :, 0])

@@ -1,0 +1,49 @@
+"""Where the arms of a problem are before anything is solved."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from copose.cell.cell import Cell
+from copose.objectives.build import objective_of
+from copose.poses import Array
+from copose.posture.search.global_search import EFFORTS
+from copose.robots import ArmStart
+from copose.self_motion.kernels import ArmKernels, KernelInputsBuilder
+from copose.self_motion.sampling import ArmSampler
+
+
+def starts(cell: Cell) -> tuple[ArmStart, ...]:
+    """Every arm at its start; where the problem gives none, in the first posture in which the seed
+    closes it, else in the nearest miss of many.
+    """
+    found = []
+    objective = objective_of(cell)
+    goals = KernelInputsBuilder(cell.system, objective.sums, objective.scales)(
+        cell.parameters
+    ).goals
+    kernels: dict[bytes, ArmKernels] = {}
+    for i, arm in enumerate(cell.arms):
+        q = arm.start
+        if q is None:
+            if arm.fingerprint not in kernels:
+                kernels[arm.fingerprint] = ArmKernels.of(cell.system.arms[i], objective.sums)
+            q = _drawn(cell, kernels[arm.fingerprint], i, goals[i])
+        found.append(
+            ArmStart(
+                arm=arm,
+                joints=q,
+                object=cell.problem.object.pose,
+                rigid=cell.system.space.rigid,
+                given=arm.start is not None,
+            )
+        )
+    return tuple(found)
+
+
+def _drawn(cell: Cell, kernels: ArmKernels, i: int, goal: Array) -> Array:
+    """What the seed gives arm i, (n,)."""
+    effort, rng = EFFORTS["normal"], np.random.default_rng([cell.problem.search.seed, i])
+    sampler = ArmSampler(cell, kernels, i, goal)
+    sample = sampler.sample(rng, effort.batch, 1, effort.loops, effort.insistence)
+    return np.asarray((sample.closed if len(sample.closed) else sample.missed)[0])

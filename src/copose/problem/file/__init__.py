@@ -1,0 +1,1 @@
+"""Problem files: reading, messages, overrides, schema."""

@@ -1,0 +1,243 @@
+"""From a TOML file to a problem, or to one line that says what is wrong with it."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from copose.errors import InputError
+from copose.poses import Pose
+from copose.problem.file.messages import explain
+from copose.problem.objectives import (
+    AccelerationObjective,
+    TaskCompatibilityObjective,
+    WeightedDirection,
+)
+from copose.problem.objects import Placement, PlanarObject, PlanarPlacement
+from copose.problem.spaces import SPACES
+from copose.problem.spec import PlanarProblem, Problem, SpatialProblem
+
+_MOST_BYTES = 1_000_000
+_DEEPEST = 20
+
+
+def read_bytes(path: Path, most_bytes: int = _MOST_BYTES) -> bytes:
+    """What a file holds, with every way in which it may be unreadable named."""
+    try:
+        if path.is_dir():
+            raise InputError("is a folder; a file was expected", file=path)
+        if not path.is_file():
+            raise InputError("no such file", file=path)
+        size = path.stat().st_size
+        if size > most_bytes:
+            raise InputError(f"is {size} bytes long; at most {most_bytes} are read", file=path)
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot be read: {reason}", file=path) from None
+
+
+def read_text(path: Path, most_bytes: int = _MOST_BYTES) -> str:
+    """The text of a file in UTF-8, without the byte order mark of some editors."""
+    try:
+        return read_bytes(path, most_bytes).decode("utf-8").removeprefix("\ufeff")
+    except UnicodeDecodeError as error:
+        raise InputError(f"is not UTF-8 text (byte {error.start})", file=path) from None
+
+
+def read_tables(file: Path) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    Raises:
+        InputError: it cannot be read, or is not TOML.
+    """
+    return tables_in(read_text(file), file)
+
+
+def tables_in(text: str, file: Path | None = None) -> dict[str, Any]:
+    """The tables of a TOML text, which is a file's.
+
+    Raises:
+        InputError: it is not TOML.
+    """
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise InputError("is nested too deeply", file=file) from None
+    except ValueError as error:
+        raise InputError(f"is not TOML: {error}", file=file) from None
+
+
+def parse(data: Mapping[str, Any], source: Path | None = None) -> Problem:
+    """A problem from tables in which every grasp is written out.
+
+    Args:
+        data: what a TOML reader makes of a problem file.
+        source: the file it came from; relative paths in it start there.
+
+    Raises:
+        InputError: it breaks a rule of the format; the message names the first fault and how many
+            more there are.
+    """
+    check_depth(data, source)
+    model = PlanarProblem if is_planar(data) else SpatialProblem
+    try:
+        problem = model.model_validate(_as_tuples(data))
+    except ValidationError as error:
+        raise explain(error, model, source, data) from None
+    problem._source = source
+    return problem
+
+
+def is_planar(data: Mapping[str, Any]) -> bool:
+    """Whether tables are of a problem in the plane."""
+    task = data.get("task")
+    name = task.get("space") if isinstance(task, Mapping) else None
+    return isinstance(name, str) and name in SPACES and SPACES[name].planar
+
+
+def moved(problem: Problem, place: Mapping[str, Any]) -> Problem:
+    """The same problem with its object elsewhere.
+
+    Args:
+        problem: as read.
+        place: ``position`` and ``rpy`` or ``quaternion``, in the plane ``angle``, as in
+            ``[object]``; what it leaves out stays.
+
+    Raises:
+        InputError: it is no place.
+    """
+    if not isinstance(place, Mapping):
+        raise InputError("a mapping as [object] has it is needed", key="object_pose")
+    turn = "angle" if problem.space.planar else "rpy"
+    allowed = ("position", turn) if problem.space.planar else ("position", turn, "quaternion")
+    for key in place:
+        if key not in allowed:
+            raise InputError(
+                f"is not known; allowed: {', '.join(allowed)}", key=f"object_pose.{key}"
+            )
+    thing = problem.object
+    model = PlanarPlacement if problem.space.planar else Placement
+    stays = {key: getattr(thing, key) for key in ("position", turn)}
+    if "quaternion" in place:
+        del stays[turn]
+    try:
+        # The object's other keys are as they were: only its place is checked again.
+        new = model.model_validate({**stays, **_as_tuples(place)})
+    except ValidationError as error:
+        found = explain(error, model, None)
+        raise InputError(found.message, key=f"object_pose.{found.key}") from None
+    there = thing.model_copy(update={key: getattr(new, key) for key in ("position", turn)})
+    return _with(problem, {"object": there})
+
+
+def placement(given: Mapping[str, Any], *, planar: bool) -> Pose:
+    """A pose as a problem file has it.
+
+    Args:
+        given: ``position`` and ``rpy`` or ``quaternion``, in the plane ``angle``.
+        planar: whether it is in the plane.
+
+    Raises:
+        InputError: it is no place.
+    """
+    model = PlanarPlacement if planar else Placement
+    try:
+        return model.model_validate(_as_tuples(given)).pose
+    except ValidationError as error:
+        raise explain(error, model, None) from None
+
+
+def displaced(problem: Problem, offsets: Mapping[str, float]) -> Problem:
+    """The same problem with its object displaced by x, y, z, m, and roll, pitch, yaw, rad."""
+    if not offsets:
+        return problem
+    thing = problem.object
+    position = [p + offsets.get(name, 0.0) for p, name in zip(thing.position, "xyz", strict=False)]
+    update: dict[str, object] = {"position": tuple(position)}
+    if isinstance(thing, PlanarObject):
+        update["angle"] = thing.angle + offsets.get("yaw", 0.0)
+    else:
+        names = ("roll", "pitch", "yaw")
+        update["rpy"] = tuple(
+            a + offsets.get(name, 0.0) for a, name in zip(thing.rpy, names, strict=True)
+        )
+    return _with(problem, {"object": thing.model_copy(update=update)})
+
+
+def case_problems(problem: Problem) -> tuple[Problem, ...]:
+    """One problem for every case: its pose, its mass with inertia in proportion, its direction."""
+    found = []
+    for case in problem.cases:
+        thing, objective = problem.object, problem.objective
+        given = ("position", "angle" if problem.space.planar else "rpy")
+        update = {key: getattr(case, key) for key in given if getattr(case, key) is not None}
+        if case.mass is not None:
+            update["mass"] = case.mass
+            if thing.inertia is not None:
+                inertia = np.array(thing.inertia) * (case.mass / thing.mass)
+                update["inertia"] = _as_tuples(inertia)
+        if case.direction is not None:
+            asked: dict[str, object] = {"direction": case.direction}
+            if isinstance(objective, TaskCompatibilityObjective):
+                asked = {"directions": (WeightedDirection(direction=case.direction),)}
+            elif isinstance(objective, AccelerationObjective):
+                asked["directions"] = None
+            objective = objective.model_copy(update=asked)
+        update = {"object": thing.model_copy(update=update), "objective": objective}
+        found.append(_with(problem, update))
+    return tuple(found)
+
+
+def held(problem: Problem, case: str = "") -> Problem:
+    """A problem, or one of its cases by name, with all but joints where the file has it."""
+    if problem.cases:
+        names = [each.name for each in problem.cases]
+        problem = case_problems(problem)[names.index(case)]
+    thing = problem.object
+    arms = (arm.model_copy(update={"freedom": type(arm.freedom)()}) for arm in problem.arms)
+    update: dict[str, object] = {
+        "cases": (),
+        "object": thing.model_copy(update={"freedom": type(thing.freedom)()}),
+        "arms": tuple(arms),
+    }
+    return _with(problem, update)
+
+
+def _with(problem: Problem, update: Mapping[str, object]) -> Problem:
+    other = problem.model_copy(update=update)
+    other._source = problem.source
+    return other
+
+
+def check_depth(data: Mapping[str, Any], source: Path | None) -> None:
+    """Refuse tables that are nested more deeply than any problem is."""
+    level: list[object] = [data]
+    for _ in range(_DEEPEST):
+        level = [child for node in level for child in _children(node)]
+        if not level:
+            return
+    raise InputError(f"is nested more than {_DEEPEST} levels deep", file=source)
+
+
+def _children(node: object) -> Iterator[object]:
+    if isinstance(node, Mapping):
+        yield from node.values()
+    elif isinstance(node, (list, tuple)):
+        yield from node
+
+
+def _as_tuples(node: Any) -> Any:
+    """Arrays as tuples: a frozen problem holds nothing that can be changed; scalars as Python's."""
+    if isinstance(node, Mapping):
+        return {key: _as_tuples(value) for key, value in node.items()}
+    if isinstance(node, (list, tuple)):
+        return tuple(_as_tuples(value) for value in node)
+    if isinstance(node, np.ndarray):
+        return _as_tuples(node.tolist())
+    return node.item() if isinstance(node, np.generic) else node

@@ -1,0 +1,1 @@
+"""Self-motions with one degree of freedom as curves."""

@@ -1,0 +1,135 @@
+"""Curves of closed postures by their arc length in the space of joint positions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from copose.poses import Array
+from copose.self_motion.curves.tracing import Curve
+from copose.self_motion.manifold import ClosureManifold
+from copose.self_motion.projection import project
+
+# Corrections of an estimated length of arc.
+_CORRECTIONS = 3
+# Gauss–Newton steps from a cubic between knots onto the curve, and the residual that needs none.
+_STEPS = 6
+_EXACT = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A curve of closed postures, without regard to limits of revolute joints.
+
+    It goes the way in which det [J; tᵀ], J the geometric Jacobian and t the tangent, is positive.
+
+    Attributes:
+        positions: arc length at its knots, rad (or m), from 0 on, (k,).
+        points: postures at the knots, without jumps by whole turns, (k, n).
+        tangents: of unit length, there, (k, n).
+        loop: whether the last knot is the first again, whole turns apart.
+        rails: of the arm, (1, n).
+    """
+
+    positions: Array
+    points: Array
+    tangents: Array
+    loop: bool
+    rails: ClosureManifold
+
+    @classmethod
+    def of(cls, curve: Curve, rigid: bool) -> Track:
+        """A curve that was followed.
+
+        Args:
+            curve: as it was.
+            rigid: whether angles are held.
+        """
+        points, tangents = curve.points, curve.tangents
+        if curve.loop:
+            points, tangents = (np.vstack([x, x[:1]]) for x in (points, tangents))
+        kernels, goal = curve.rails.kernels, curve.rails.goals[0]
+        _, J = kernels.residual(points[:1], goal)
+        # The error of angles is that of a quaternion, which is another after a turn of a joint.
+        side = np.sign(kernels.gap(points[:1], goal)[0, 3]) if rigid else 1.0
+        if side * np.linalg.det(np.vstack([J[0], tangents[:1]])) < 0:
+            points, tangents = points[::-1], -tangents[::-1]
+        ahead = curve.rails.many(max(1, len(points) - 1)).wrapped(np.diff(points, axis=0))
+        points = points[0] + np.vstack([0 * points[:1], np.cumsum(ahead, axis=0)])
+        arcs = np.concatenate([[0.0], np.cumsum(_arcs(ahead, tangents[:-1], tangents[1:]))])
+        return cls(arcs, points, tangents, curve.loop, curve.rails)
+
+    @property
+    def length(self) -> float:
+        """From end to end, rad (or m)."""
+        return float(self.positions[-1])
+
+    @cached_property
+    def _turns(self) -> Array:
+        """What a loop adds to the joints each time round, (n,)."""
+        return np.asarray(self.points[-1] - self.points[0])
+
+    def cubic(self, s: Array) -> tuple[Array, Array]:
+        """Postures near the curve at some arc lengths, (count, n), and their derivatives by it."""
+        rounds = np.floor(s / self.length) if self.loop and self.length > 0 else np.zeros(len(s))
+        s = s - rounds * self.length
+        last = len(self.positions) - 2
+        k = np.clip(np.searchsorted(self.positions, s, side="right") - 1, 0, max(last, 0))
+        if last < 0:
+            return self.points[k], self.tangents[k]
+        width = (self.positions[k + 1] - self.positions[k])[:, None]
+        u = (s - self.positions[k])[:, None] / width
+        a, b = self.points[k], self.points[k + 1]
+        da, db = self.tangents[k] * width, self.tangents[k + 1] * width
+        bend, turn = 3 * (b - a) - 2 * da - db, 2 * (a - b) + da + db
+        q = a + u * (da + u * (bend + u * turn)) + rounds[:, None] * self._turns
+        return q, (da + u * (2 * bend + 3 * u * turn)) / width
+
+    def closed(self, s: Array) -> Array:
+        """Postures at some arc lengths, (count, n), that close to the last digits."""
+        free = np.full(self.points.shape[1], np.inf)
+        q = self.cubic(s)[0]
+        return project(
+            self.rails.kernels, q, self.rails.goals[0], -free, free, steps=_STEPS, closed=_EXACT
+        )[0]
+
+    def resampled(self, s: Array) -> Track:
+        """The same with knots at some arc lengths; of a loop the last is once round the first."""
+        points, heading = self.closed(s), self.cubic(s)[1]
+        n = points.shape[1]
+        _, J = self.rails.kernels.residual(points, self.rails.goals[0])
+        A = np.concatenate([J, heading[:, None]], axis=1).reshape(-1, n, n)
+        tangents = self.rails.tangents(A, heading)[0]
+        lost = ~np.isfinite(tangents).all(axis=1)
+        tangents[lost] = heading[lost]
+        return Track(s - s[0], points, tangents, self.loop, self.rails)
+
+    def place(self, q: Array) -> float:
+        """The arc length at a posture on the curve, (n,)."""
+        many = self.rails.many(len(self.points))
+        offset = many.wrapped(q - self.points)
+        k = int((offset**2).sum(axis=1).argmin())
+        s = float(self.positions[k] + offset[k] @ self.tangents[k])
+        for _ in range(_CORRECTIONS):
+            s = self.kept(s)
+            here, along = self.closed(np.array([s])), self.cubic(np.array([s]))[1]
+            s += float(self.rails.wrapped(q - here)[0] @ along[0])
+        return self.kept(s)
+
+    def kept(self, s: float) -> float:
+        """An arc length on the curve: within a round of a loop, or between the ends."""
+        if not self.loop:
+            return float(np.clip(s, 0.0, self.length))
+        return float(s % self.length) if self.length > 0 else 0.0
+
+
+def _arcs(ahead: Array, before: Array, after: Array) -> Array:
+    """Lengths of cubics with these chords and unit tangents at their ends, (k, n) each: (k,)."""
+    chord = np.linalg.norm(ahead, axis=1)
+    length = chord
+    for _ in range(_CORRECTIONS):
+        middle = np.linalg.norm(1.5 * ahead - length[:, None] / 4 * (before + after), axis=1)
+        length = (2 * length + 4 * middle) / 6
+    return np.asarray(length)

@@ -1,0 +1,166 @@
+"""The kernels of an arm: how it closes, what it adds to the system's matrices, and their slopes.
+
+They are written in the arm's root frame. Where its root stands, where the object is and which share
+of it the arm carries are numbers, so arms of one model have the same kernels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from copose.capability import Sums, upper_triangle
+from copose.kernels import Kernel
+from copose.mechanics import ArmMechanics, Coupling, Goal, System
+from copose.poses import Array
+
+# Of closing, at a time: from a Newton step along a self-motion they close the chain.
+CLOSING_STEPS = 3
+_LONGEST_STEP = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class ArmKernels:
+    """Kernels of joint positions q, (n,), in the order of rows of a batch.
+
+    Attributes:
+        closing: of (q, lower, upper) and a goal: q after `CLOSING_STEPS` steps of closing, and the
+            norm of the residual there, (n + 1,).
+        closure: of q and a goal: residual, (m,), and its derivative row by row, (m·n,).
+        gap: of q and a goal: position error, (3,), and quaternion of the angle error, (4,).
+        terms: of q and a tie: what the arm adds to the sums, (s,).
+        local: of (q, weights), a goal and a tie: the terms, the derivative of the closure row
+            by row, and ∇_q of weightsᵀ terms, (s + m·n + n,).
+    """
+
+    m: int
+    n: int
+    closing: Kernel
+    closure: Kernel
+    gap: Kernel
+    terms: Kernel
+    local: Kernel
+
+    @classmethod
+    def of(cls, arm: ArmMechanics, sums: Sums) -> ArmKernels:
+        """Write down the kernels of an arm, for what is summed over the arms."""
+        q, m, n = arm.q, arm.space.m, arm.arm.n
+        goal = Goal(ca.SX.sym("position", 3), ca.SX.sym("quaternion", 4))
+        place = ca.vertcat(goal.position, goal.quaternion)
+        residual = arm.closure(goal)
+        J = ca.jacobian(residual, q)
+        lower, upper = ca.SX.sym("lower", n), ca.SX.sym("upper", n)
+        tied, terms = _terms(arm, sums)
+        weights = ca.SX.sym("weights", terms.numel())
+        slope = ca.gradient(ca.dot(weights, terms), q)
+        limits = ca.vertcat(lower, upper)
+        look = ca.Function("residual", [q, place], [residual, J])
+        end = q
+        for _ in range(CLOSING_STEPS):
+            end = _closing_step(end, lower, upper, *look(end, place))
+        closed = ca.vertcat(end, ca.norm_2(look(end, place)[0]))
+        return cls(
+            m=m,
+            n=n,
+            closing=Kernel(ca.vertcat(q, limits), place, closed),
+            closure=Kernel(q, place, ca.vertcat(residual, ca.vec(J.T))),
+            gap=Kernel(q, place, ca.vertcat(*arm.pose_error(goal))),
+            terms=Kernel(q, tied, terms),
+            local=Kernel(
+                ca.vertcat(q, weights),
+                ca.vertcat(place, tied),
+                ca.vertcat(terms, ca.vec(J.T), slope),
+            ),
+        )
+
+    @property
+    def all(self) -> tuple[Kernel, ...]:
+        """Every kernel, the most used first."""
+        return self.closing, self.closure, self.terms, self.local, self.gap
+
+    def residual(self, q: Array, goal: Array) -> tuple[Array, Array]:
+        """Closure at q, (count, n): residuals, (count, m), and derivatives, (count, m, n)."""
+        values = self.closure(q, goal)
+        return values[:, : self.m], values[:, self.m :].reshape(-1, self.m, self.n)
+
+
+def terms_kernel(arm: ArmMechanics, sums: Sums) -> Kernel:
+    """Of q and a tie: what an arm adds to some sums, (s,)."""
+    tied, terms = _terms(arm, sums)
+    return Kernel(arm.q, tied, terms)
+
+
+def _terms(arm: ArmMechanics, sums: Sums) -> tuple[ca.SX, ca.SX]:
+    """The tie and the terms."""
+    coupling = Coupling.symbols(arm.space)
+    scale = ca.SX.sym("scale", arm.arm.n)
+    terms = ca.vertcat(*sums.arm_terms(arm, coupling, scale))
+    return ca.vertcat(coupling.stacked(sums.uses), scale), terms
+
+
+def _closing_step(q: ca.SX, lower: ca.SX, upper: ca.SX, residual: ca.SX, J: ca.SX) -> ca.SX:
+    """A damped Gauss–Newton step within limits.
+
+    Where it would push a joint through its limit, the others take it without that joint.
+    """
+    step = _damped_step(residual, J)
+    blocked = ca.logic_or(ca.logic_and(q <= lower, step < 0), ca.logic_and(q >= upper, step > 0))
+    open_ = 1 - blocked
+    step = _damped_step(residual, J * ca.repmat(open_.T, J.shape[0], 1)) * open_
+    step *= ca.fmin(1, _LONGEST_STEP / ca.fmax(ca.mmax(ca.fabs(step)), 1e-300))
+    return ca.fmin(ca.fmax(q + step, lower), upper)
+
+
+def _damped_step(residual: ca.SX, J: ca.SX) -> ca.SX:
+    """−Jᵀ(J Jᵀ + λI)⁻¹ r, λ falling with the residual so that convergence stays quadratic."""
+    m = residual.shape[0]
+    normal = J @ J.T
+    damping = 1e-3 * ca.fmin(ca.dot(residual, residual), 1) + 1e-13
+    normal += (damping * ca.trace(normal) / m + 1e-100) * ca.SX.eye(m)
+    D, LT, order = ca.ldl(normal, False)
+    return -J.T @ ca.ldl_solve(residual, D, LT, order)
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """What the kernels take for where the object is.
+
+    Attributes:
+        goals: by arm, tip position and quaternion in its root frame, (7,).
+        ties: by arm, what of its coupling enters the sums, and the torque scale.
+        inertia: upper triangle of M_o.
+    """
+
+    goals: tuple[Array, ...]
+    ties: tuple[Array, ...]
+    inertia: Array
+
+
+class KernelInputsBuilder:
+    """Turns the object's parameters into what the kernels take, by a kernel of its own."""
+
+    def __init__(self, system: System, sums: Sums, scales: Sequence[Array]) -> None:
+        """Write down what does it."""
+        parts = [upper_triangle(system.object.M_o)]
+        for i in range(len(system.arms)):
+            goal, coupling = system.goal(i), system.coupling(i)
+            parts += [
+                ca.vertcat(goal.position, goal.quaternion),
+                coupling.stacked(sums.uses),
+            ]
+        self._scales = scales
+        self._edges = np.cumsum([part.numel() for part in parts])[:-1]
+        self.kernel = Kernel(system.parameters, ca.SX(0, 1), ca.vertcat(*parts))
+
+    def __call__(self, parameters: Array) -> Placement:
+        """The placement of an object."""
+        inertia, *parts = np.split(self.kernel(parameters[None], np.zeros(0))[0], self._edges)
+        ties = zip(parts[1::2], self._scales, strict=True)
+        return Placement(
+            goals=tuple(parts[::2]),
+            ties=tuple(np.concatenate(tie) for tie in ties),
+            inertia=inertia,
+        )

@@ -1,0 +1,54 @@
+"""Closing the chain: joint positions of one arm projected onto its grasp, many at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from copose.poses import Array
+from copose.self_motion.kernels import CLOSING_STEPS, ArmKernels
+
+CLOSED = 1e-9
+_EXACT = 1e-13
+_STEPS = 60
+
+
+def project(
+    kernels: ArmKernels,
+    q: Array,
+    goal: Array,
+    lower: Array,
+    upper: Array,
+    *,
+    steps: int = _STEPS,
+    closed: float = _EXACT,
+) -> tuple[Array, Array]:
+    """Damped Gauss–Newton steps onto {q : closure(q) = 0, lower ≤ q ≤ upper}.
+
+    With the object held still the arms close independently of one another, and an arm need not wait
+    for the others' luck.
+
+    Args:
+        kernels: of the arm.
+        q: postures to start from, (count, n).
+        goal: of the tip, see `Placement`, (7,) or one for each posture.
+        lower: joint limits, −inf where there is none, (n,) or one for each posture.
+        upper: alike.
+        steps: at most, in whole `CLOSING_STEPS`.
+        closed: a residual that needs no further step.
+
+    Returns:
+        Postures (count, n) within the limits, and the norms of their residuals (count,).
+    """
+    n = kernels.n
+    rows = np.empty((len(q), 3 * n))
+    rows[:, n : 2 * n], rows[:, 2 * n :] = lower, upper
+    rows[:, :n] = np.minimum(np.maximum(q, lower), upper)
+    ends = kernels.closing(rows, goal)
+    gaps = ends[:, n]
+    for _ in range(1, -(-steps // CLOSING_STEPS)):
+        active = np.flatnonzero(gaps > closed)
+        if len(active) == 0:
+            break
+        rows[active, :n] = ends[active, :n]
+        ends[active] = kernels.closing(rows[active], goal[active] if goal.ndim == 2 else goal)
+    return ends[:, :n], gaps
