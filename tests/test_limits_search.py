@@ -12,7 +12,7 @@ import copose
 from cells import closed_postures, planar, tables, toml
 from copose.cell.cell import Cell
 from copose.cli import main
-from copose.objectives.limits_measures import Payload
+from copose.objectives.payload import Payload
 from copose.posture.model import PostureModel
 from copose.posture.search import global_search as search
 from copose.posture.search.ranking import judged

@@ -1,4 +1,4 @@
-"""What torques can do: ellipsoids as expressions and as values, what their limits allow."""
+"""Capability of torques: ellipsoids as expressions and as values, extremes within limits."""
 
 from copose.capability.companions import (
     ClosedChainVelocity,

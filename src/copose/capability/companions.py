@@ -32,12 +32,12 @@ class ClosedChainVelocity(Form):
     def arm_terms(
         self, arm: ArmMechanics, coupling: Coupling, scale: Array | ca.SX
     ) -> tuple[ca.SX, ...]:
-        """X_iᵀ(J_iT⁻²J_iᵀ)⁻¹X_i."""
+        """The term X_iᵀ(J_iT⁻²J_iᵀ)⁻¹X_i."""
         speeds = _least_speeds(arm.J_root, coupling.motion, scale)
         return (upper_triangle(speeds.T @ speeds),)
 
     def gram(self, sums: Sequence[ca.SX], M_o: ca.SX) -> ca.SX:
-        """The sum."""
+        """G is the sum of the terms."""
         return sums[0]
 
     def factor(self, system: System, scales: Sequence[Array]) -> ca.SX:
@@ -59,12 +59,12 @@ class ExternalForce(Form):
     def arm_terms(
         self, arm: ArmMechanics, coupling: Coupling, scale: Array | ca.SX
     ) -> tuple[ca.SX, ...]:
-        """(W⁺)_iᵀJ_iT⁻²J_iᵀ(W⁺)_i."""
+        """The term (W⁺)_iᵀJ_iT⁻²J_iᵀ(W⁺)_i."""
         torques = (arm.J_root.T @ coupling.share) / column(scale)
         return (upper_triangle(torques.T @ torques),)
 
     def gram(self, sums: Sequence[ca.SX], M_o: ca.SX) -> ca.SX:
-        """The sum."""
+        """G is the sum of the terms."""
         return sums[0]
 
     def factor(self, system: System, scales: Sequence[Array]) -> ca.SX:

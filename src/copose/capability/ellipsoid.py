@@ -59,7 +59,7 @@ class Ellipsoid:
 
     @classmethod
     def from_gram(cls, gram: ArrayLike, center: ArrayLike | None = None) -> Ellipsoid:
-        """The same from G.
+        """The ellipsoid of G, {a : (a − c)ᵀ G (a − c) ≤ 1}.
 
         Raises:
             ValueError: G is not symmetric positive definite.
@@ -87,7 +87,7 @@ class Ellipsoid:
         return float(self.center @ u + np.linalg.norm(self.axes @ u * self.radii))
 
     def contains(self, points: ArrayLike, tolerance: float = 0.0) -> np.ndarray:
-        """Whether points, (..., m), are inside: ‖A (a − c)‖ ≤ 1 + tolerance."""
+        """A mask of the points, (..., m), that are inside: ‖A (a − c)‖ ≤ 1 + tolerance."""
         offset = np.asarray(points, dtype=float) - self.center
         norms = np.linalg.norm(offset @ self.axes.T / self.radii, axis=-1)
         return np.asarray(norms <= 1 + tolerance)

@@ -25,12 +25,15 @@ from copose.progress import heed
 _MOST = 10**6
 # Choices of generators, or half-spaces, that are worked on at once.
 _CHUNK = 2**14
-# Rank, and whether a half-space meets the slice, relative to the set's own extent.
-_TINY = 1e-12
-# Gain in distance below which a nearest half-space counts as found.
-_SAME = 1e-9
-# Half-spaces from which the nearest is sought where they are too many to enumerate.
-_STARTS = 16
+
+
+@dataclass(frozen=True)
+class ExactSetOptions:
+    """Tolerances relative to the set's own extent, and the size of a search."""
+
+    tiny: float = 1e-12  # of ranks, and of half-spaces that meet the slice
+    same: float = 1e-9  # gain in distance below which a nearest half-space is found
+    starts: int = 16  # half-spaces from which the nearest is sought, too many to enumerate
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +47,13 @@ class ExactSet:
         generators: B T, (m, N), of rank m.
         center: c, (m,).
         axes: indices of the a coordinates of x, in the order of x.
+        options: tolerances.
     """
 
     generators: Array
     center: Array
     axes: tuple[int, ...]
+    options: ExactSetOptions = ExactSetOptions()
 
     @classmethod
     def of(
@@ -79,7 +84,7 @@ class ExactSet:
         if min(G.shape) < len(c) or not np.all(sizes > 0):
             raise ValueError("the exact set is flat: its map lacks rank")
         values = np.linalg.svd(G / sizes[:, None], compute_uv=False)
-        if values[-1] <= _TINY * values[0]:
+        if values[-1] <= cls.options.tiny * values[0]:
             raise ValueError("the exact set is flat: its map lacks rank")
         return cls(frozen_array(G), frozen_array(c), chosen)
 
@@ -96,8 +101,8 @@ class ExactSet:
         Y, spread = self._facets
         shift, rows = Y @ self.center, Y[:, list(self.axes)]
         # In the frame of the slice, where no direction is long or short by its units.
-        meets = np.linalg.norm(rows @ self._frame, axis=1) > _TINY
-        if np.any(np.abs(shift[~meets]) > (1 + _SAME) * spread[~meets]):
+        meets = np.linalg.norm(rows @ self._frame, axis=1) > self.options.tiny
+        if np.any(np.abs(shift[~meets]) > (1 + self.options.same) * spread[~meets]):
             H = np.zeros((2, len(self.axes)))
             H[:, 0] = 1.0, -1.0
             return frozen_array(H), frozen_array([-1.0, -1.0])
@@ -109,8 +114,8 @@ class ExactSet:
 
     @property
     def empty(self) -> bool:
-        """Whether no acceleration of the slice is within the limits."""
-        return self._depth[0] < 1 - _SAME
+        """True where no acceleration of the slice is within the limits."""
+        return self._depth[0] < 1 - self.options.same
 
     def support(self, direction: ArrayLike) -> float:
         """Max of uᵀx over the slice, u = direction / ‖direction‖: ‖T Bᵀu‖₁ + cᵀu for Z itself.
@@ -179,7 +184,7 @@ class ExactSet:
             raise ValueError(f"vertices are for at most 3 axes, not {a}")
         depth, _ = self._depth
         flat = frozen_array(np.zeros((0, a)))
-        if depth <= 1 + _SAME:
+        if depth <= 1 + self.options.same:
             return flat
         if a == 1:
             return frozen_array(np.sort(self._extremes(), axis=0))
@@ -189,7 +194,7 @@ class ExactSet:
         return flat
 
     def contains(self, points: ArrayLike, tolerance: float = 0.0) -> Mask:
-        """Whether points, (..., a), are inside with limits T (1 + tolerance)."""
+        """A mask of the points, (..., a), that are inside with limits T (1 + tolerance)."""
         x = np.asarray(points, dtype=float)
         offset = self._padded(x.reshape(-1, x.shape[-1])) - self.center
         if self._facets is None:
@@ -251,7 +256,7 @@ class ExactSet:
             # The last column of Q is perpendicular to the m − 1 others, however dependent they are,
             # but of dependent ones it is any such vector: a half-space that need not be a facet's.
             Q, R = np.linalg.qr(V.T[chosen].transpose(0, 2, 1), mode="complete")
-            apart = np.abs(np.diagonal(R, axis1=1, axis2=2)) > _SAME * sizes[chosen]
+            apart = np.abs(np.diagonal(R, axis1=1, axis2=2)) > self.options.same * sizes[chosen]
             y = Q[apart.all(axis=1), :, -1]
             Y.append(y @ W)
             h.append(np.abs(y @ V).sum(axis=1))
@@ -312,7 +317,7 @@ class ExactSet:
         return float(alpha) / length, n / norm, d
 
     def _holds(self, offset: Array, tolerance: float) -> bool:
-        """Whether c + offset, (m,), is in Z with limits T (1 + tolerance)."""
+        """True where c + offset, (m,), is in Z with limits T (1 + tolerance)."""
         W, _ = self._whitening
         step = W @ offset
         length = float(np.linalg.norm(step))
@@ -358,7 +363,7 @@ class ExactSet:
         return np.vstack([half, -half])
 
     def _nearest(self) -> tuple[float, Array]:
-        """The nearest half-space that a search from `_STARTS` finds: distance, at least 0, normal.
+        """The nearest half-space that a search finds: distance, at least 0, and normal.
 
         The ray from rest along a half-space's normal ends on it, at its distance, or on a nearer
         one: that is the next. Each ends at one that no other hides; the nearest of all is such a
@@ -373,8 +378,8 @@ class ExactSet:
         distances = np.array([d for d, _ in found])
         _, first = np.unique(np.round(distances / distances.min(), 9), return_index=True)
         ends = []
-        for nearest, n in (found[i] for i in first[:_STARTS]):
-            while (hit := self._hit(n)) and hit[2] < nearest - _SAME * abs(nearest):
+        for nearest, n in (found[i] for i in first[: self.options.starts]):
+            while (hit := self._hit(n)) and hit[2] < nearest - self.options.same * abs(nearest):
                 _, n, nearest = hit
             ends.append((nearest, n))
         nearest, n = min(ends, key=lambda end: end[0])
@@ -396,7 +401,7 @@ class ExactSet:
         return frozen_array(points[first][ConvexHull(even[first]).vertices])
 
     def _corners(self) -> Array:
-        """Where half-spaces meet, (k, a), some more than once; `_extremes` without half-spaces."""
+        """Corners where half-spaces meet, (k, a), some more than once; else `_extremes`."""
         from scipy.spatial import HalfspaceIntersection
 
         if self.half_spaces is None:

@@ -13,21 +13,27 @@ import numpy as np
 from copose.poses import Array
 from copose.progress import heed
 
-_ITERATIONS = 40
-TOLERANCE = 1e-10
-# From here on rounding may be all that is left of a program whose optimum is not unique; between
-# the last two it cannot be told whether there is one, and the library is asked.
-_GOOD, _POOR, _NONE = 1e-8, 1e-6, 1e-3
-_BACK = 0.995
-# Of a column's length: what of it has to be independent of the others to count as such.
-_DEPENDENT = 1e-9
-# Of that, in a program whose rows say next to nothing of x_0: it has no end.
-_NOTHING = 1e-4
-# Iterates beyond this have found no end: unbounded, or nothing is feasible.
-_LARGEST = 1e10
+
+@dataclass(frozen=True)
+class InteriorPointOptions:
+    """Steps and tolerances of the interior-point method."""
+
+    iterations: int = 40  # at most
+    back: float = 0.995  # of the way to a bound that a step goes
+    good: float = 1e-8  # error from which on rounding may be all that is left
+    poor: float = 1e-6  # error beyond which it cannot be told whether there is an optimum: the
+    none: float = 1e-3  # library is asked; and beyond which there is none
+    dependent: float = 1e-9  # of a column's length, that is independent of the others to count
+    nothing: float = 1e-4  # of that, which rows say of x_0 where it has no end
+    largest: float = 1e10  # iterates beyond have no end, or nothing is feasible
 
 
-def maximise_first(A: Array, b: Array, within: float = TOLERANCE) -> tuple[Array, Array]:
+def maximise_first(
+    A: Array,
+    b: Array,
+    within: float = 1e-10,
+    options: InteriorPointOptions = InteriorPointOptions(),
+) -> tuple[Array, Array]:
     """Maximise x_0 subject to A x ≤ b, for many (A, b).
 
     Mehrotra's predictor and corrector (S. Mehrotra, 1992).
@@ -36,13 +42,14 @@ def maximise_first(A: Array, b: Array, within: float = TOLERANCE) -> tuple[Array
         A: (count, rows, p), of full column rank.
         b: (count, rows).
         within: what may be left of the optimality conditions, relative.
+        options: of the method.
 
     Returns:
         x, (count, p), NaN where there is no optimum, and what is left of the optimality
         conditions, (count,); zero where the library was asked.
     """
     count, _, p = A.shape
-    given, to_x = A, _evened(A)
+    given, to_x = A, _evened(A, options.dependent)
     A = given @ to_x
     goal = np.zeros((count, p))
     goal[:, -1] = 1.0
@@ -50,8 +57,8 @@ def maximise_first(A: Array, b: Array, within: float = TOLERANCE) -> tuple[Array
     s = np.maximum(b, 1.0)
     z = np.ones_like(s)
     best, left = np.full_like(x, np.nan), np.full(count, np.inf)
-    going = np.flatnonzero(np.linalg.norm(A[:, :, -1], axis=1) > _NOTHING)
-    for _ in range(_ITERATIONS):
+    going = np.flatnonzero(np.linalg.norm(A[:, :, -1], axis=1) > options.nothing)
+    for _ in range(options.iterations):
         heed()
         a, here = A[going], (x[going], s[going], z[going])
         x_, s_, z_ = here
@@ -63,8 +70,8 @@ def maximise_first(A: Array, b: Array, within: float = TOLERANCE) -> tuple[Array
         error = np.maximum(error, gap * s_.shape[1] / size)
         better = error < left[going]
         best[going[better]], left[going[better]] = x_[better], error[better]
-        wild = ~(np.maximum(np.abs(x_).max(axis=1), z_.max(axis=1)) < _LARGEST)
-        on = (error > within) & ~wild & (better | (left[going] > _GOOD))
+        wild = ~(np.maximum(np.abs(x_).max(axis=1), z_.max(axis=1)) < options.largest)
+        on = (error > within) & ~wild & (better | (left[going] > options.good))
         if not on.any():
             break
         going, a, primal, dual, gap = going[on], a[on], primal[on], dual[on], gap[on]
@@ -75,23 +82,23 @@ def maximise_first(A: Array, b: Array, within: float = TOLERANCE) -> tuple[Array
         inverse = _inverse(normal)
         newton = _Newton(a, s_, z_, primal, dual, inverse)
         dx, ds, dz = newton.step(-s_ * z_)
-        alone = ((s_ + _room(s_, ds)[:, None] * ds) * (z_ + _room(z_, dz)[:, None] * dz)).mean(
-            axis=1
-        )
+        forward, upward = _room(s_, ds, options.back), _room(z_, dz, options.back)
+        alone = ((s_ + forward[:, None] * ds) * (z_ + upward[:, None] * dz)).mean(axis=1)
         center = gap * np.minimum(alone / gap, 1.0) ** 3
         dx, ds, dz = newton.step(center[:, None] - s_ * z_ - ds * dz)
-        forward, upward = _BACK * _room(s_, ds), _BACK * _room(z_, dz)
+        forward, upward = _room(s_, ds, options.back), _room(z_, dz, options.back)
+        forward, upward = options.back * forward, options.back * upward
         x[going] = x_ + forward[:, None] * dx
         s[going] = s_ + forward[:, None] * ds
         z[going] = z_ + upward[:, None] * dz
-    poor = max(_POOR, within)
+    poor = max(options.poor, within)
     best[left > poor] = np.nan
-    for k in np.flatnonzero((left > poor) & (left <= _NONE)):
+    for k in np.flatnonzero((left > poor) & (left <= options.none)):
         best[k], left[k] = _by_library(A[k], b[k])
     return (to_x @ best[:, :, None])[:, :, 0], left
 
 
-def _evened(A: Array) -> Array:
+def _evened(A: Array, dependent: float) -> Array:
     """X with x = X z, (count, p, p), such that the columns of A X are orthonormal and x_0 is in
     proportion to z's last entry.
 
@@ -100,7 +107,7 @@ def _evened(A: Array) -> Array:
     scale = 1 / np.maximum(np.sqrt((A * A).sum(axis=1)), 1e-300)[:, ::-1]
     p = A.shape[2]
     # What hardly differs from what goes before must not become large.
-    rest = np.broadcast_to(_DEPENDENT * np.eye(p), (len(A), p, p))
+    rest = np.broadcast_to(dependent * np.eye(p), (len(A), p, p))
     R = np.linalg.qr(np.concatenate([A[:, :, ::-1] * scale[:, None], rest], axis=1), mode="r")
     R *= np.sign(np.diagonal(R, axis1=1, axis2=2))[:, :, None]
     return np.asarray((scale[:, :, None] * np.linalg.inv(R))[:, ::-1])
@@ -138,11 +145,11 @@ class _Newton:
         return dx, ds, (complementary - self.z * ds) / self.s
 
 
-def _room(values: Array, steps: Array) -> Array:
-    """How far positive values can go along steps, at most 1/0.995 of them, (count,)."""
-    part = np.full_like(values, 1 / _BACK)
+def _room(values: Array, steps: Array, back: float) -> Array:
+    """The part of the steps that keeps positive values positive, at most 1/back, (count,)."""
+    part = np.full_like(values, 1 / back)
     np.divide(-values, steps, out=part, where=np.asarray(steps < 0))
-    return np.asarray(np.minimum(np.min(part, axis=1), 1 / _BACK))
+    return np.asarray(np.minimum(np.min(part, axis=1), 1 / back))
 
 
 def _inverse(matrices: Array) -> Array:

@@ -1,4 +1,4 @@
-"""How far limited torques reach, from sums over the arms: estimates for many postures at once.
+"""Reach of limited torques, from sums over the arms: estimates for many postures at once.
 
 The exact answers are linear programs, see `torque_limits`. Here the box of torques is taken for an
 ellipsoid, which has closed forms.
@@ -16,15 +16,9 @@ from copose.mechanics import ArmMechanics, Coupling
 from copose.poses import Array
 from copose.problem import Space
 
-# What is beyond reach counts as worse by this much, in units of the reach.
-_BEYOND = 1e3
-# What is added to a matrix that may be singular: of its own diagonal, and of its trace.
-_RIDGE = 1e-12
-_LEAST = 1e-16
-
 
 class TorqueReach(Sums):
-    """What torques do to the object: K τ = S a_o + r + [weight; 0], τ = T ξ.
+    """The effect of torques on the object: K τ = S a_o + r + [weight; 0], τ = T ξ.
 
     S = Σ P_iΛ_iX_i + [M_o; 0], (b, m), K = [… P_iΛ_iJ_iM_i⁻¹ …], (b, N), r = K g, (b,): the forward
     dynamics of the closed chain, and in the linear spaces the balance of moments too. The sums are
@@ -41,7 +35,7 @@ class TorqueReach(Sums):
     def arm_terms(
         self, arm: ArmMechanics, coupling: Coupling, scale: Array | ca.SX
     ) -> tuple[ca.SX, ...]:
-        """From Λ = U⁻¹U⁻ᵀ and JM⁻¹ = UᵀPᵀ."""
+        """The terms from Λ = U⁻¹U⁻ᵀ and JM⁻¹ = UᵀPᵀ."""
         P, U = tip_inertia(arm)
         contact = ca.solve(U.T, coupling.balance.T).T
         K = contact @ P.T
@@ -97,7 +91,7 @@ class HoldingTorque(Sums):
     def arm_terms(
         self, arm: ArmMechanics, coupling: Coupling, scale: Array | ca.SX
     ) -> tuple[ca.SX, ...]:
-        """From T⁻¹Jᵀ = Q U: A = UᵀU, p = UᵀQᵀT⁻¹D."""
+        """The terms from T⁻¹Jᵀ = Q U: A = UᵀU, p = UᵀQᵀT⁻¹D."""
         fixed = arm.weight_torques(coupling.fall)
         if self._moving:
             driven = inertia_times_pinv(arm.M, arm.J_root) @ coupling.motion
@@ -145,15 +139,16 @@ def _quadratic(sums: ca.SX, load: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]
 def _ridged(matrix: ca.SX) -> ca.SX:
     """A positive definite matrix near one that may be singular."""
     entries = ca.diag(ca.diag(matrix))
-    return matrix + _RIDGE * entries + _LEAST * ca.trace(matrix) * ca.SX.eye(matrix.shape[0])
+    return matrix + 1e-12 * entries + 1e-16 * ca.trace(matrix) * ca.SX.eye(matrix.shape[0])
 
 
 def _farthest(A: ca.SX, B: ca.SX, C: ca.SX, n_torques: int) -> ca.SX:
     """The largest t with A t² + 2 B t + C ≤ ρ².
 
     A box of N torques reaches, along a random direction, about as far as a ball of radius
-    ρ = √(2N/π). Where no t is within it, the t that is nearest counts, less a fine.
+    ρ = √(2N/π). Where no t is within it, the t that is nearest counts, less a fine: a
+    thousand times what is beyond, in units of the reach.
     """
     lowest, square = C - B * B / A, 2 * n_torques / math.pi
     beyond = ca.sqrt(ca.fmax(lowest, square)) - math.sqrt(square)
-    return -B / A + ca.sqrt(ca.fmax(square - lowest, 0) / A) - _BEYOND * beyond / ca.sqrt(A)
+    return -B / A + ca.sqrt(ca.fmax(square - lowest, 0) / A) - 1e3 * beyond / ca.sqrt(A)

@@ -1,4 +1,4 @@
-"""Which accelerations of the object the unit torque ball gives: two answers, as expressions.
+"""Ellipsoids of the accelerations that the unit torque ball gives the object, as expressions.
 
 Both ellipsoids belong to τ = M q̈ + Jᵀh, J q̈ = Wᵀa_o, W h = M_o a_o. They differ in who chooses
 the null motion and the internal force: a least-norm rule, or the forward dynamics. Both are made of
@@ -43,7 +43,7 @@ class Pseudoinverse(Resolution):
     def arm_terms(
         self, arm: ArmMechanics, coupling: Coupling, scale: Array | ca.SX
     ) -> tuple[ca.SX, ...]:
-        """(T⁻¹A_i)ᵀ(T⁻¹A_i)."""
+        """The term (T⁻¹A_i)ᵀ(T⁻¹A_i)."""
         block = _coupled_torque_map(arm, coupling) / column(scale)
         return (upper_triangle(block.T @ block),)
 
@@ -80,7 +80,7 @@ class TorqueOptimal(Resolution):
         return upper_triangle(V @ V.T), upper_triangle(Y @ Y.T)
 
     def gram(self, sums: Sequence[ca.SX], M_o: ca.SX) -> ca.SX:
-        """S R⁻¹S."""
+        """The matrix S R⁻¹S."""
         S = sums[0] + M_o
         D, LT, order = ca.ldl(sums[1], False)
         return S @ ca.ldl_solve(S, D, LT, order)

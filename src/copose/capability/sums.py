@@ -1,4 +1,4 @@
-"""What adds up over the arms.
+"""Sums over the arms.
 
 With the object held still the matrices of a system are sums to which an arm adds what depends on
 its own joints alone. So an arm's part is evaluated once for each of its postures.
@@ -25,13 +25,13 @@ class Sums(ABC):
 
     @abstractmethod
     def size(self, space: Space) -> int:
-        """How many numbers there are."""
+        """The number of numbers."""
 
     @abstractmethod
     def arm_terms(
         self, arm: ArmMechanics, coupling: Coupling, scale: Array | ca.SX
     ) -> tuple[ca.SX, ...]:
-        """What an arm adds to the sums, one part after the other; of symmetric ones
+        """The terms of an arm in the sums, one part after the other; of symmetric ones
         `upper_triangle`.
         """
 

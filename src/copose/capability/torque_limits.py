@@ -1,4 +1,4 @@
-"""What torque limits allow, exactly: linear programs over joint accelerations and contact wrenches.
+"""Extremes within torque limits: linear programs over joint accelerations and contact wrenches.
 
     τ_i = M_i q̈_i + g_i + J_iᵀh_i,  |τ_i| ≤ T_i,  J_i q̈_i = X_i a_o,  Σ P_ih_i = load
 
@@ -10,21 +10,24 @@ the object's mass. Internal force is whatever serves best, and so are joint acce
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 
 import numpy as np
 
 from copose.capability.contact_limits import WrenchBounds
-from copose.capability.linear_programs import TOLERANCE, maximise_first
+from copose.capability.linear_programs import maximise_first
 from copose.poses import Array, Indices, Mask
 
-# Relative: what counts as reached, or as independent.
-_RANK = 1e-9
-# Relative: singular values of a Jacobian below are none.
-_DEPENDENT = 1e-12
-_TINY = 1e-300
+
+@dataclass(frozen=True)
+class RankOptions:
+    """Tolerances of ranks, relative."""
+
+    reached: float = 1e-9  # what a load or motion is missed by that counts as reached
+    independent: float = 1e-9  # singular values that count as independent
+    singular: float = 1e-12  # singular values of a Jacobian below are none
 
 
 class JointMotion(Enum):
@@ -37,7 +40,7 @@ class JointMotion(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Demand:
-    """What the arms are to do, in terms of a number t.
+    """A motion and a load that are demanded of the arms, in terms of a number t.
 
     Attributes:
         motion: a_o = motion·[1, t], (m, 2), or one for each of many postures, (count, m, 2).
@@ -122,6 +125,7 @@ class Dynamics:
         balance: P_i, (b, m) each.
         limits: T_i, (n,) each.
         bounds: on the contact wrenches.
+        ranks: tolerances.
     """
 
     M: tuple[Array, ...]
@@ -131,11 +135,12 @@ class Dynamics:
     balance: tuple[Array, ...]
     limits: tuple[Array, ...]
     bounds: WrenchBounds
-    _edges: tuple[int, ...] = field(init=False)
+    ranks: RankOptions = RankOptions()
 
-    def __post_init__(self) -> None:
-        """Where one arm's joints end among all of them."""
-        object.__setattr__(self, "_edges", tuple(np.cumsum([len(T) for T in self.limits])[:-1]))
+    @cached_property
+    def _edges(self) -> tuple[int, ...]:
+        """The columns where one arm's joints end among all of them."""
+        return tuple(np.cumsum([len(T) for T in self.limits])[:-1])
 
     @property
     def n_joints(self) -> int:
@@ -162,7 +167,7 @@ class Dynamics:
         x, _ = self._solved(demand, 1.0)
         return x[:, 0]
 
-    def shares(self, demand: Demand, within: float = TOLERANCE) -> Array:
+    def shares(self, demand: Demand, within: float = 1e-10) -> Array:
         """The largest |τ|/T at its least, at t = 0, about ``within`` of it, (count,).
 
         NaN where contacts cannot exert such loads by any torques.
@@ -171,15 +176,15 @@ class Dynamics:
         return np.where(self._exertable(demand), -x[:, 0], np.nan)
 
     def quick_shares(self, demand: Demand) -> Array:
-        """What `shares` is at most, by torques of least ‖T⁻¹τ‖, (count,); ∞ where wrenches that go
-        with them break their own limits.
+        """An upper bound of `shares`, by torques of least ‖T⁻¹τ‖, (count,); ∞ where wrenches that
+        go with them break their own limits.
         """
         speeding, wrenches = self._maps(demand)
         torques = self._torques(speeding, wrenches)
         free, fixed = torques[:, :, 2:], torques[:, :, :1]
         normal = free.swapaxes(1, 2) @ free
         size = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-        normal += (_RANK * size + _TINY) * np.eye(free.shape[2])
+        normal += (self.ranks.independent * size + 1e-300) * np.eye(free.shape[2])
         x = _solved(normal, -free.swapaxes(1, 2) @ fixed)
         share = np.abs(fixed + free @ x)[:, :, 0].max(axis=1)
         held = self.bounds.matrix @ (wrenches[:, :, :1] + wrenches[:, :, 2:] @ x)
@@ -279,18 +284,18 @@ class Dynamics:
         return A, np.concatenate(b, axis=1)
 
     def _exertable(self, demand: Demand) -> Mask:
-        """Whether the contacts can exert such loads at all, for one or for each posture."""
+        """True where the contacts can exert such loads at all, for one or for each posture."""
         particular, _ = self._distribution
         missed = np.hstack(self.balance) @ particular @ demand.load - demand.load
         largest = np.abs(demand.load).max(axis=(-2, -1))
-        return np.asarray(np.abs(missed).max(axis=(-2, -1)) <= _RANK * largest)
+        return np.asarray(np.abs(missed).max(axis=(-2, -1)) <= self.ranks.reached * largest)
 
     @cached_property
     def _distribution(self) -> tuple[Array, Array]:
-        """How contacts share loads, (Km, b), and a basis of the internal wrenches, (Km, d)."""
+        """Shares of contacts in loads, (Km, b), and a basis of the internal wrenches, (Km, d)."""
         P = np.hstack(self.balance)
         U, s, V = np.linalg.svd(P)
-        rank = int((s > _RANK * s[0]).sum())
+        rank = int((s > self.ranks.independent * s[0]).sum())
         return V[:rank].T / s[:rank] @ U[:, :rank].T, V[rank:].T
 
     def extreme(self, demand: Demand, k: int = 0) -> Extreme | None:
@@ -302,7 +307,7 @@ class Dynamics:
         return self._optimum(demand, k, shared=True)
 
     def _optimum(self, demand: Demand, k: int, *, shared: bool) -> Extreme | None:
-        """By HiGHS (Q. Huangfu, J. A. J. Hall, 2018), in t, the shares τ/T, and the wrenches.
+        """The optimum by HiGHS (Q. Huangfu, J. A. J. Hall, 2018), in t, shares τ/T, and wrenches.
 
         Limits of whatever size are then ±1, and the rows of all equations of one size too.
         """
@@ -321,8 +326,8 @@ class Dynamics:
             rows, right = [-reached[:, 1:], back * T, -back @ J.T], reached[:, 0] + back @ g
         else:
             # τ = M q̈ + g + Jᵀh with q̈ as the motion of the object has it.
-            speeds[:] = np.linalg.lstsq(J, reached, rcond=_DEPENDENT)[0]
-            if np.abs(J @ speeds - reached).max() > _RANK * np.abs(reached).max():
+            speeds[:] = np.linalg.lstsq(J, reached, rcond=self.ranks.singular)[0]
+            if np.abs(J @ speeds - reached).max() > self.ranks.reached * np.abs(reached).max():
                 return None
             inertial = M @ speeds
             rows, right = [-inertial[:, 1:], np.diag(T), -J.T], inertial[:, 0] + g
@@ -331,7 +336,7 @@ class Dynamics:
         beside = self.bounds.matrix
         left, right, sizes = _evened(np.vstack([np.hstack(rows), balance]), right, beside, N)
         # The least share is in proportion to what is to be held.
-        whole = max(float(np.abs(right).max()), _TINY) if shared else 1.0
+        whole = max(float(np.abs(right).max()), 1e-300) if shared else 1.0
         held = np.hstack([np.zeros((len(beside), 1 + N)), beside * sizes[1 + N :]])
         above, bound = [held], [np.full(len(beside), 1 / whole)]
         limits = [(-np.inf, np.inf)] + [(-1.0, 1.0)] * N + [(-np.inf, np.inf)] * Km
@@ -381,11 +386,11 @@ def _evened(left: Array, right: Array, beside: Array, shares: int) -> tuple[Arra
     pushed = np.abs(left[:, 1:first]).max(axis=1)
     pushed[pushed == 0.0] = np.inf
     largest = np.vstack([np.abs(left[:, first:]) / pushed[:, None], np.abs(beside)]).max(axis=0)
-    sizes[first:] = 1 / np.maximum(largest, _TINY)
+    sizes[first:] = 1 / np.maximum(largest, 1e-300)
     scale = np.abs(left[:, 1:] * sizes[1:]).max(axis=1)
     scale[scale == 0.0] = 1.0
     left, right = left / scale[:, None], right / scale
-    sizes[0] = 1 / max(float(np.abs(left[:, 0]).max()), _TINY)
+    sizes[0] = 1 / max(float(np.abs(left[:, 0]).max()), 1e-300)
     return left * sizes, right, sizes
 
 

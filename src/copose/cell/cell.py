@@ -16,11 +16,6 @@ from copose.poses import Array, Mask
 from copose.problem import ConstraintsSpec, Problem, case_problems, moved
 from copose.robots import Arm, load_arms
 
-# The limit of a torque that has none, N·m at least.
-_ENDLESS = 1e5
-# The same, times the largest limit that there is.
-_FAR_BEYOND = 1e4
-
 
 @dataclass(frozen=True, eq=False)
 class Cell:
@@ -114,12 +109,13 @@ class Cell:
 
     @cached_property
     def counted_limits(self) -> tuple[Array, ...]:
-        """The same for programs of torques over their limits, which have to be bounded: a joint
-        that has none counts with one that it never comes near.
+        """Torque limits by arm, (n_i,), for programs of torques over their limits, which have to be
+        bounded: a joint that has none counts with one that it never comes near.
         """
         every = np.concatenate(self.efforts)
         largest = every[np.isfinite(every)].max(initial=0.0)
-        endless = max(_ENDLESS, _FAR_BEYOND * largest)
+        # N·m at least, and as many times the largest limit that there is.
+        endless = max(1e5, 1e4 * largest)
         return tuple(np.where(np.isfinite(T), T, endless) for T in self.efforts)
 
     def joint(self, column: int) -> tuple[int, int]:
@@ -134,12 +130,12 @@ class Cell:
 
     @cached_property
     def dynamic_torque(self) -> bool:
-        """Whether torques keep their limits along the path."""
+        """True where torques keep their limits along the path."""
         return dynamic_torque(self.problem, self.arms)
 
     def held_knots(self, count: int) -> Mask:
-        """At which of so many knots of the path torques have to hold the object at rest, (count,):
-        at both ends of the shortest motion too, which would throw what nothing holds.
+        """A mask of so many knots of the path, (count,), at which torques have to hold the object
+        at rest: also at both ends of the shortest motion, which would throw what nothing holds.
         """
         path = self.problem.path
         held = np.full(count, self.problem.constraints.static_torque)
@@ -166,7 +162,7 @@ class Cell:
         return q
 
     def beyond(self, i: int, q: Array) -> Array:
-        """How far the worst joint of arm i is outside its limits, below zero inside them.
+        """The distance of the worst joint of arm i beyond its limits, below zero inside them.
 
         Args:
             i: the arm.
@@ -205,11 +201,11 @@ class Cell:
         return given
 
     def turns(self, i: int) -> Mask:
-        """Which joints of arm i reach every angle, as if they had no limits, (n,)."""
+        """A mask of the joints of arm i that reach every angle, as if they had no limits, (n,)."""
         return self._revolute[i] & (self.upper[i] - self.lower[i] >= 2 * np.pi)
 
     def moved(self, place: Mapping[str, object]) -> Cell:
-        """The same cell with the object elsewhere.
+        """This cell with the object elsewhere.
 
         Args:
             place: ``position`` and ``rpy``, in the plane ``angle``, as in ``[object]``; what it
@@ -221,7 +217,7 @@ class Cell:
         return self.with_places(moved(self.problem, place), self.arms)
 
     def at(self, problem: Problem) -> Cell:
-        """The same cell for a problem of its structure, see `same_structure`."""
+        """This cell for a problem of its structure, see `same_structure`."""
         arms = []
         for arm, old, new in zip(self.arms, self.problem.arms, problem.arms, strict=True):
             places = {what: getattr(new, what) for what in ("base", "grasp")}
@@ -231,7 +227,7 @@ class Cell:
         return self.with_places(problem, tuple(arms))
 
     def with_places(self, problem: Problem, arms: tuple[Arm, ...]) -> Cell:
-        """The same cell for a problem, and arms, that differ in places and masses alone."""
+        """This cell for a problem, and arms, that differ in places and masses alone."""
         parameters = _parameters(self.system, problem, arms)
         return replace(self, problem=problem, arms=arms, parameters=parameters)
 
@@ -243,7 +239,7 @@ class Cell:
         return tuple(self.with_places(each, self.arms) for each in case_problems(self.problem))
 
     def under(self, constraints: ConstraintsSpec) -> Cell:
-        """The same cell with other constraints than the file's."""
+        """This cell with other constraints than the file's."""
         problem = self.problem.model_copy(update={"constraints": constraints})
         return replace(self, problem=problem)
 
@@ -300,8 +296,8 @@ class Cell:
 
 
 def dynamic_torque(problem: Problem, arms: Sequence[Arm]) -> bool:
-    """Whether torques keep their limits along a path: as the file says; where it says nothing, if
-    the shortest duration is sought and some joint has a limit.
+    """True where torques keep their limits along a path: as the file says; where it says nothing,
+    if the shortest duration is sought and some joint has a limit.
     """
     asked, path = problem.constraints.dynamic_torque, problem.path
     if asked is not None or path is None:
@@ -370,7 +366,7 @@ def _weightless(problem: Problem, system: System) -> dict[str, str]:
 def _check_limits(problem: Problem, arms: Sequence[Arm]) -> None:
     """Refuse what needs torque limits where there are none."""
     kind = problem.objective.kind
-    if kind in ("acceleration", "payload", "all-round"):
+    if problem.objective.torque_limited:
         _torque_limits(arms, f"objective {kind!r}")
     if problem.constraints.static_torque:
         _torque_limits(arms, "static_torque")

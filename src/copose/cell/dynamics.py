@@ -1,4 +1,4 @@
-"""What the torque limits of a cell allow at its postures."""
+"""The equations of motion of a cell with torque limits."""
 
 from __future__ import annotations
 
@@ -19,9 +19,6 @@ from copose.robots import finite_range
 
 # What a torque may be over its limit, as a share of it, where an object is to be held.
 HELD = 1e-6
-# Postures of an arm that tell typical sizes, and what an arm has to resist at least.
-_POSTURES = 8
-_LIGHTEST = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +53,7 @@ class Holding:
 
     @property
     def forces_alone(self) -> Holding:
-        """The same where moments need not balance: what the paper's linear spaces mean."""
+        """The object whose moments need not balance, as the paper's linear spaces mean it."""
         m = len(self.inertia)
         cut = tuple(P[:m] for P in self.balance)
         return replace(self, balance=cut, weight=self.weight[:m])
@@ -120,16 +117,17 @@ class CellDynamics:
         # Measuring takes linear programs: loaded now they delay no answer that has to come at once.
         import scipy.optimize  # noqa: F401
 
-    def _sizes(self, cell: Cell) -> tuple[Array, Array]:
+    def _sizes(self, cell: Cell, postures: int = 8) -> tuple[Array, Array]:
+        """The `sizes`, from some random postures of each arm."""
         rng, sizes = np.random.default_rng(0), []
         nothing = np.zeros(3)
         for arm, kernel, T in zip(cell.arms, self._arms, self.limits, strict=True):
-            q = rng.uniform(*finite_range(arm.lower, arm.upper), (_POSTURES, arm.n))
+            q = rng.uniform(*finite_range(arm.lower, arm.upper), (postures, arm.n))
             M, J, _ = _parts(kernel(q, nothing), arm.n, self._m)
             # Over the least limit, so that no square is out of range.
             shares = (part * (T.min() / T) for part in (M, J))
             norms = [np.sqrt(np.mean(np.square(part).sum(axis=2))) for part in shares]
-            sizes.append([T.min() / max(float(norm), _LIGHTEST) for norm in norms])
+            sizes.append([T.min() / max(float(norm), 1e-12) for norm in norms])
         fast, strong = np.array(sizes).T
         return fast, strong
 
@@ -139,7 +137,7 @@ class CellDynamics:
         return float(min(self.sizes[1]))
 
     def holding(self, cell: Cell) -> Holding:
-        """Where a cell's object is, and how heavy."""
+        """The object of a cell in its place."""
         *parts, inertia = self._held(cell.parameters, np.zeros(0))
         K, mass = len(self.limits), cell.problem.object.mass
         weight = np.zeros(self._b)
@@ -177,7 +175,7 @@ class CellDynamics:
         return Dynamics(M, J, g, holding.motion, holding.balance, self.limits, bounds)
 
     def resting(self, holding: Holding, q: Sequence[Array]) -> Array:
-        """Where variables that hold an object start, see `holding_addition`, (count, Km)."""
+        """Starts of variables that hold an object, see `StaticTorque.term`, (count, Km)."""
         wrenches = self.dynamics(holding, q).resting(holding.hold)
         return wrenches / np.repeat(self.sizes[1], self._m)
 

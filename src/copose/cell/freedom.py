@@ -1,4 +1,4 @@
-"""What may be moved beside the joints, as coordinates of one vector: offsets, m and rad."""
+"""Free coordinates beside the joints, as one vector of offsets, m and rad."""
 
 from __future__ import annotations
 
@@ -16,8 +16,6 @@ from copose.poses import Array, quaternion_product
 from copose.problem import PlanarObject, Problem, displaced
 from copose.results import Solution
 from copose.robots.reach_bounds import ReachBound
-
-_ANGLES = ("roll", "pitch", "yaw")
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class Freedom:
 
     @classmethod
     def of(cls, problem: Problem) -> Freedom:
-        """What the tables ``freedom`` of a problem say."""
+        """The coordinates that the tables ``freedom`` of a problem name."""
         found = [
             Coordinate("object", None, _spatial(name), *interval)
             for name, interval in problem.object.freedom.ranges.items()
@@ -83,8 +81,8 @@ class Freedom:
         return np.array([k for k, c in enumerate(self.coordinates) if c.arm is None], dtype=int)
 
     def never_closes(self, cell: Cell, goals: Sequence[Array]) -> bool:
-        """Whether some arm's links are too short wherever in the ranges everything is, as far as a
-        bound tells.
+        """True where a bound tells that some arm's links are too short wherever in the ranges
+        everything is.
 
         Args:
             cell: with everything at `nominal`.
@@ -97,7 +95,7 @@ class Freedom:
                 if c.arm not in (None, i):
                     continue
                 lever = 1.0
-                if c.name in _ANGLES:
+                if c.name in ("roll", "pitch", "yaw"):
                     # A grasp that turns stays where it is; only where the tip points is another.
                     turned = {"object": arm.grasp.position, "base": goal[:3], "grasp": np.zeros(3)}
                     lever = float(np.linalg.norm(turned[c.what]))
@@ -118,7 +116,7 @@ class Freedom:
         )
 
     def stated(self, problem: Problem, solution: Solution, when: str, case: str = "") -> Array:
-        """Where a result has everything, (d,): before or after, in a case if there are any."""
+        """Coordinates that a result states, (d,): before or after, in a case if there are any."""
         known = {record.name: getattr(record, when) for record in solution.freedom}
         found = self.nominal
         for k, name in enumerate(self.names(problem)):
@@ -147,7 +145,7 @@ class Freedom:
         return offsets
 
     def numbers(self, cell: Cell) -> Array:
-        """What `parameters` takes for a cell: its own, and its object's roll, pitch and yaw."""
+        """Numbers of a cell for `parameters`: its own, and its object's roll, pitch and yaw."""
         thing = cell.problem.object
         rpy = (0.0, 0.0, thing.angle) if isinstance(thing, PlanarObject) else thing.rpy
         return np.concatenate([cell.parameters, rpy])
@@ -159,9 +157,10 @@ class Freedom:
         def offset(what: str, arm: int | None, names: Sequence[str]) -> ca.SX:
             return ca.vertcat(*(where.get((what, arm, name), ca.SX(0)) for name in names))
 
-        given, rpy = numbers[:-3], numbers[-3:] + offset("object", None, _ANGLES)
+        angles = "roll", "pitch", "yaw"
+        given, rpy = numbers[:-3], numbers[-3:] + offset("object", None, angles)
         quaternion = given[3:7]
-        if any(("object", None, name) in where for name in _ANGLES):
+        if any(("object", None, name) in where for name in angles):
             yaw, pitch, roll = (_about(rpy[k], k) for k in (2, 1, 0))
             quaternion = _product(_product(yaw, pitch), roll)
         parts = [given[:3] + offset("object", None, "xyz"), quaternion, given[7:N_PARAMETERS]]
@@ -180,7 +179,7 @@ class Freedom:
 
 
 def _spatial(name: str) -> str:
-    """In the plane the object's angle is its yaw."""
+    """The name of a coordinate in space: in the plane the object's angle is its yaw."""
     return "yaw" if name == "angle" else name
 
 

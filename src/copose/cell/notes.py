@@ -1,9 +1,10 @@
-"""What a reader of the numbers should know before trusting them."""
+"""Notes that a reader of the numbers should know before trusting them."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,31 +13,26 @@ from copose.cell.cell import Cell
 from copose.poses import Array
 from copose.progress import StoppedError
 
-# Joint accelerations, rad/s² or m/s², that no robot's joint lasts at.
-_QUICK = 100.0
-# Torque limits from here on, N·m or N, are more than an arm's joint has.
-_HUGE_EFFORT = 1000.0
-# What mends numbers of a robot's file.
-_CURES = {
-    "inertia": "correct it in the robot's file",
-    "effort": "[[arms]] torque_limits gives others",
-    "speed": "[[arms]] velocity_limits gives others",
-}
-# Something that a note names.
-_NAME = re.compile(r"(?<!\w)'([^']*)'(?!\w)")
+
+@dataclass(frozen=True)
+class Plausible:
+    """Numbers beyond which a note is due."""
+
+    acceleration: float = 100.0  # rad/s² or m/s², at which no robot's joint lasts
+    effort: float = 1000.0  # N·m or N, more than an arm's joint has
 
 
 def once(notes: Iterable[str]) -> tuple[str, ...]:
     """Notes of one kind, which differ only in what they name, as one that names all."""
     kinds: dict[tuple[str, ...], list[list[str]]] = {}
     for note in dict.fromkeys(notes):
-        first, *rest = _NAME.split(note)
+        first, *rest = re.split(r"(?<!\w)'([^']*)'(?!\w)", note)
         kinds.setdefault((first, *rest[1::2]), []).append(rest[::2])
     told = []
     for words, names in kinds.items():
         text = words[0]
-        for some, word in zip(zip(*names, strict=True), words[1:], strict=True):
-            several = dict.fromkeys(map(repr, some))
+        for named, word in zip(zip(*names, strict=True), words[1:], strict=True):
+            several = dict.fromkeys(map(repr, named))
             text = re.sub(r"\b(arm|link|joint) $", r"\1s " if len(several) > 1 else r"\g<0>", text)
             text += ", ".join(several) + word
         told.append(text)
@@ -44,7 +40,7 @@ def once(notes: Iterable[str]) -> tuple[str, ...]:
 
 
 def best_so_far(stop: StoppedError) -> str:
-    """That a call had to end before it was done."""
+    """The note that a call had to end before it was done."""
     return (
         f"{stop}: the best so far; answers that are cut short may differ from run to run: allow "
         "more time for one that does not"
@@ -62,18 +58,18 @@ def standing_notes(cell: Cell, *, everything: bool = False) -> tuple[str, ...]:
 
 
 def _unit_notes(cell: Cell) -> list[str]:
-    """What depends on the unit of length, or adds newtons to newton-metres."""
+    """Notes on numbers that depend on the unit of length, or add newtons to newton-metres."""
     space, settings, notes = cell.system.space, cell.problem.ellipsoid, []
-    axes, kind = cell.problem.axes, cell.problem.objective.kind
+    axes, objective = cell.problem.axes, cell.problem.objective
     # What torque limits decide has no unit ball, and no pseudoinverse.
     constraints = cell.problem.constraints
-    limited = kind in ("acceleration", "payload", "all-round")
+    limited = objective.torque_limited
     why = []
     mixed = set(axes) & set(space.linear) and set(axes) & set(space.angular)
-    if mixed and kind not in ("velocity-volume", "force-volume") and not limited:
+    if mixed and objective.adds_coordinates and not limited:
         why.append("mixed axes")
-    shares = kind == "force-volume" or (
-        cell.resolution.name == "pseudoinverse" and kind != "velocity-volume" and not limited
+    shares = objective.shares_load or (
+        cell.resolution.name == "pseudoinverse" and not objective.kinematic and not limited
     )
     shared = space.rigid and len(cell.arms) > 1 and shares
     if shared and settings.load_distribution == "moore-penrose":
@@ -127,7 +123,7 @@ def _unit_notes(cell: Cell) -> list[str]:
 
 
 def _model_notes(cell: Cell) -> list[str]:
-    """What the robots' files leave out or may have wrong."""
+    """Notes on what the robots' files leave out or may have wrong."""
     notes = [note for arm in cell.arms for note in arm.notes]
     notes += [
         f"no dynamic ellipsoid, and nothing of torques, is known: arm {name!r}: {why}; "
@@ -144,28 +140,37 @@ def _model_notes(cell: Cell) -> list[str]:
             for joint in arm.locked
             if not joint.lower - 1e-6 <= joint.position <= joint.upper + 1e-6
         ]
-        huge = max(joint.effort for joint in arm.joints) >= _HUGE_EFFORT
+        huge = max(joint.effort for joint in arm.joints) >= Plausible().effort
         told = any(oddity.about == "effort" for oddity in arm.oddities)
         if cell.problem.ellipsoid.torque_scaling == "limits" and huge and not told:
             notes.append(
                 f"the torque limits of arm {arm.name!r} look like placeholders: "
                 + ", ".join(f"{joint.effort:g}" for joint in arm.joints)
-                + f"; {_CURES['effort']}"
+                + f"; {_cure('effort')}"
             )
     return notes
 
 
+def _cure(about: str) -> str:
+    """The cure for a doubtful number of a robot's file."""
+    return {
+        "inertia": "correct it in the robot's file",
+        "effort": "[[arms]] torque_limits gives others",
+        "speed": "[[arms]] velocity_limits gives others",
+    }[about]
+
+
 def _oddities(cell: Cell, everything: bool) -> Iterator[str]:
-    """What the robots' files say that no robot has."""
+    """Notes on numbers of the robots' files that no robot has."""
     concerns = {"inertia": not cell.problem.kinematic, "effort": cell.torque_limits is not None}
     for arm in cell.arms:
         for oddity in arm.oddities:
             if everything or concerns.get(oddity.about, cell.problem.path is not None):
-                yield f"arm {arm.name!r}: {oddity.text}; {_CURES[oddity.about]}"
+                yield f"arm {arm.name!r}: {oddity.text}; {_cure(oddity.about)}"
 
 
 def margin_notes(cell: Cell, joints: Sequence[Array]) -> tuple[str, ...]:
-    """Which arms of a posture are nearer to a limit than joint_margin."""
+    """Notes on arms of a posture that are nearer to a limit than joint_margin."""
     parts = zip(cell.arms, joints, cell.lower, cell.upper, strict=True)
     return tuple(
         f"within joint_margin of a limit: arm {arm.name!r}; move it, or lower joint_margin"
@@ -175,22 +180,23 @@ def margin_notes(cell: Cell, joints: Sequence[Array]) -> tuple[str, ...]:
 
 
 def extreme_notes(cell: Cell, postures: Sequence[Mapping[str, Extreme]]) -> tuple[str, ...]:
-    """What to know of extremes that torque limits allow, by name, at each of some postures."""
+    """Notes on extremes that torque limits allow, by name, at each of some postures."""
     extremes = [each for posture in postures for each in posture.items()]
     return (*_quick_notes(cell, extremes), *_contact_notes(cell, extremes))
 
 
 def _quick_notes(cell: Cell, extremes: Sequence[tuple[str, Extreme]]) -> list[str]:
-    """How far joints are from what they do on the way of the object."""
+    """A note on joint accelerations that no motion keeps up."""
+    most = Plausible().acceleration
     joints = [(arm.name, joint) for arm in cell.arms for joint in arm.joints]
     moved = [(name, np.abs(np.concatenate(each.accelerations))) for name, each in extremes]
-    quick = [(name, sizes) for name, sizes in moved if sizes.max() > _QUICK]
+    quick = [(name, sizes) for name, sizes in moved if sizes.max() > most]
     if not quick:
         return []
     name, sizes = max(quick, key=lambda each: float(each[1].max()))
     arm, joint = joints[int(sizes.argmax())]
     unit = "m/s²" if joint.kind == "prismatic" else "rad/s²"
-    counted = f"; beyond {_QUICK:g} in {len(quick)} extremes" if len(quick) > 1 else ""
+    counted = f"; beyond {most:g} in {len(quick)} extremes" if len(quick) > 1 else ""
     return [
         f"joint accelerations reach {sizes.max():,.0f} {unit} ({arm}/{joint.name}, {name}{counted})"
         ": what torques can do in an instant, not what a motion can keep up (copose manual torques)"
@@ -198,7 +204,7 @@ def _quick_notes(cell: Cell, extremes: Sequence[tuple[str, Extreme]]) -> list[st
 
 
 def _contact_notes(cell: Cell, extremes: Sequence[tuple[str, Extreme]]) -> list[str]:
-    """What contacts bear that no grip limits."""
+    """Notes on contacts that no grip limits."""
     limited = cell.problem.constraints.internal_force is not None
     loose = [i for i, arm in enumerate(cell.problem.arms) if not limited and arm.grip.endless]
     if not loose or not extremes:

@@ -13,13 +13,10 @@ from copose.cell.cell import Cell
 from copose.cell.freedom import Freedom
 from copose.poses import Array
 
-# What a fixed arm may miss its grasp by.
-_HELD = 1e-10
-
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """How the variables of a program are laid out where more than joints is free.
+    """The layout of the variables of a program where more than joints is free.
 
     x = (joints of every case; free coordinates of the object in every case; those of the arms,
     which all cases share; what else each case has).
@@ -36,7 +33,7 @@ class Places:
 
     @property
     def suffixes(self) -> list[str]:
-        """What the cases add to a constraint's name."""
+        """Endings of a constraint's name by case."""
         return [f" in case {name}" if name else "" for name in self.cases]
 
     @property
@@ -47,7 +44,7 @@ class Places:
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """Of the free coordinates of all cases."""
+        """Bounds of the free coordinates of all cases."""
         return self.joined([self.freedom.lower] * len(self.cases)), self.joined(
             [self.freedom.upper] * len(self.cases)
         )
@@ -58,7 +55,7 @@ class Places:
         return np.concatenate([*(x[:own] for x in each), each[0][own:]])
 
     def parted(self, free: Array) -> list[Array]:
-        """The other way round."""
+        """The free coordinates of each case, (d,), from those of all."""
         own, count = len(self.freedom.owned), len(self.cases)
         shared = free[own * count :]
         return [np.concatenate([free[own * k : own * (k + 1)], shared]) for k in range(count)]
@@ -85,11 +82,11 @@ class Places:
 
     @property
     def count(self) -> int:
-        """How many `Freedom.numbers` there are."""
+        """The number of `Freedom.numbers`."""
         return len(self.freedom.numbers(self.cell))
 
     def moved(self, x: ca.SX, given: ca.SX) -> ca.SX:
-        """See `Freedom.parameters`."""
+        """The parameters of a cell that is moved, see `Freedom.parameters`."""
         return self.freedom.parameters(self.cell.system, x, given)
 
     @cached_property
@@ -153,7 +150,8 @@ class Places:
             jac=slope,
             bounds=(low, high), xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200,
         )  # fmt: skip
-        return tuple(self.parted(end.x)) if np.sqrt(2 * end.cost) <= _HELD else None
+        # What a fixed arm may miss its grasp by.
+        return tuple(self.parted(end.x)) if np.sqrt(2 * end.cost) <= 1e-10 else None
 
     @cached_property
     def pinned(self) -> Array:

@@ -1,42 +1,28 @@
-"""Bodies that are kept apart: rows of programs from witness points, and what is told of them."""
+"""Clearance of bodies: rows of programs from witness points, and what is in the way."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from copose.cell.cell import Cell
 from copose.collision import Bodies, Carrier, Witness, configurations
-from copose.constraints.constraint import Constraint
-from copose.measurement.meter import Measurement
+from copose.constraints.constraint import Constraint, ConstraintTerm
 from copose.mechanics import System
 from copose.mechanics.chain import Frame
 from copose.poses import Array, Indices, Pose
-from copose.results import CollisionRecord
 
-# What programs keep beyond the clearance, m, for a row is exact to first order only; what then
-# counts as touching; and what they keep where the row's points are witnesses of where they end.
+# What programs keep beyond the clearance, m: a row is exact to first order only.
 SPARE = 5e-6
-TOUCHING = 3 * SPARE
-EXACT = 1e-8
-# Rows of a program at least; of the same two carriers, at first.
-ROWS = 8
-_OF_TWO = 2
-# Postures that are measured to tell what is in the way.
-_MEASURED = 64
-# Nearest misses that differ by less are one, m.
-_ALIKE = 1e-6
-# Postures that have to share the nearest miss for it to depend on no joint.
-_MANY = 8
 
 
 @dataclass(frozen=True)
 class Blocked:
-    """What comes too near in postures.
+    """An obstruction: bodies that come too near in postures.
 
     Attributes:
         reason: a sentence.
@@ -64,16 +50,22 @@ class Apart:
     rows: int
 
     @classmethod
-    def of(cls, bodies: Bodies, cuts: Sequence[Sequence[Witness]]) -> Apart | None:
-        """Room for the witnesses of every posture; None where there are none."""
-        most, rows = max(map(len, cuts), default=0), ROWS
+    def of(cls, bodies: Bodies, cuts: Sequence[Sequence[Witness]], fewest: int = 8) -> Apart | None:
+        """Room for the witnesses of every posture; None where there are none.
+
+        Args:
+            bodies: that are kept apart.
+            cuts: by posture.
+            fewest: rows at least, so that few programs are built.
+        """
+        most, rows = max(map(len, cuts), default=0), fewest
         while rows < most:
             rows *= 2
         return cls(bodies.carriers, rows) if most else None
 
     @property
     def numbers(self) -> int:
-        """How many parameters there are."""
+        """The number of parameters."""
         return self.rows * (12 * len(self.carriers) + 1)
 
     def given(self, bodies: Bodies, cuts: Sequence[Witness], margin: float = 0.0) -> Array:
@@ -91,28 +83,31 @@ class Apart:
             row[-1] = bodies.clearance + margin + SPARE
         return table.ravel()
 
-    def constraints(self, system: System, numbers: ca.SX) -> list[Constraint]:
+    def term(self, system: System) -> ConstraintTerm:
         """The rows, m, at least zero."""
+        numbers = ca.SX.sym("witnesses", self.numbers)
         frames = [_frame(system, carrier) for carrier in self.carriers]
         entries = ca.vertcat(*(ca.vertcat(ca.vec(f.rotation), f.position) for f in frames))
         table = ca.reshape(numbers, -1, self.rows)
         rows = ca.mtimes(table[:-1, :].T, entries) - table[-1, :].T
-        return [Constraint("clearance", rows, np.zeros(self.rows), np.full(self.rows, np.inf), "m")]
+        zero, endless = np.zeros(self.rows), np.full(self.rows, np.inf)
+        above = Constraint("clearance", rows, zero, endless, "m")
+        return ConstraintTerm(ca.SX(0, 1), (above,), numbers)
 
 
-def of_two(witnesses: Sequence[Witness]) -> tuple[Witness, ...]:
+def of_two(witnesses: Sequence[Witness], most: int = 2) -> tuple[Witness, ...]:
     """The nearest few of the witnesses of the same two carriers."""
     kept: list[Witness] = []
     many: Counter[tuple[Carrier, Carrier]] = Counter()
-    for each in sorted(witnesses, key=lambda each: each.distance):
-        if many[each.first, each.second] < _OF_TWO:
-            many[each.first, each.second] += 1
-            kept.append(each)
+    for witness in sorted(witnesses, key=lambda witness: witness.distance):
+        if many[witness.first, witness.second] < most:
+            many[witness.first, witness.second] += 1
+            kept.append(witness)
     return tuple(kept)
 
 
 def rows_of(bodies: Bodies, cuts: Sequence[Witness], x: Array) -> Array:
-    """What the rows of witnesses, n·(b − a), are in a configuration, (size,), m."""
+    """The rows of witnesses, n·(b − a), in a configuration, (size,), m."""
     where = bodies.placed(x[None])[0]
     number = {carrier: k for k, carrier in enumerate(bodies.carriers)}
     rows = np.zeros(len(cuts))
@@ -127,7 +122,7 @@ def rows_of(bodies: Bodies, cuts: Sequence[Witness], x: Array) -> Array:
 def held_back(
     bodies: Bodies, cuts: Sequence[Witness], x: Array, touching: Sequence[Witness]
 ) -> bool:
-    """Whether rows stop a program at a configuration, (size,), whose bodies do not.
+    """True where rows stop a program at a configuration, (size,), whose bodies do not.
 
     Args:
         bodies: what is measured.
@@ -141,58 +136,35 @@ def held_back(
 
 
 def configurations_of(cell: Cell, q: Sequence[Array | None]) -> Array:
-    """Where everything is at postures, by arm (count, n_i), or (n_i,); an arm that is None is in
-    none of the pairs that are asked for then.
+    """Configurations of all bodies at postures, by arm (count, n_i), or (n_i,); an arm that is None
+    is in none of the pairs that are asked for then.
     """
     return configurations(cell.arms, [arm.base for arm in cell.arms], q, cell.problem.object.pose)
 
 
-def in_the_way(bodies: Bodies, x: Array, pairs: Indices, *, every: bool) -> Blocked:
-    """What is too near in every configuration, (count, size): the pair that stops the best.
+def in_the_way(
+    bodies: Bodies, x: Array, pairs: Indices, *, every: bool, measured: int = 64
+) -> Blocked:
+    """The pair of bodies that is too near in the best of configurations, (count, size).
 
     Args:
         bodies: what is measured.
         x: the configurations; of many only some are measured.
         pairs: those that count.
         every: whether there are no other configurations; all are measured then.
+        measured: how many are, of many.
     """
-    measured = x if every else x[:: max(1, -(-len(x) // _MEASURED))]
-    found = [each for each in (bodies.nearest(row, pairs) for row in measured) if each is not None]
-    best = max(found, key=lambda each: each.distance)
-    alike = [e for e in found if e.pair == best.pair and e.distance >= best.distance - _ALIKE]
+    some = x if every else x[:: max(1, -(-len(x) // measured))]
+    nearest = [near for near in (bodies.nearest(row, pairs) for row in some) if near is not None]
+    best = max(nearest, key=lambda near: near.distance)
+    # Nearest misses that differ by less than 1e-6 m are one; shared by eight postures it depends
+    # on no joint.
+    alike = [n for n in nearest if n.pair == best.pair and n.distance >= best.distance - 1e-6]
     a, b = best.pair
     missing = bodies.clearance - max(best.distance, 0.0)
     how = "overlap" if best.distance <= 0 else f"are {missing:.3g} m too near"
-    sure = every or len(alike) >= _MANY
+    sure = every or len(alike) >= 8
     return Blocked(f"{a} and {b} {how}, {'whatever the posture' if sure else 'at best'}", sure)
-
-
-def with_collision(cell: Cell, measured: Measurement, bodies: Bodies) -> Measurement:
-    """A measured posture with its smallest distance."""
-    joints = [np.array(q) for q in measured.posture.joints.values()]
-    x = configurations_of(cell, joints)[0]
-    nearest, notes = bodies.nearest(x), measured.notes
-    if nearest is None:
-        return measured
-    record = CollisionRecord(distance=nearest.distance, pair=nearest.pair)
-    if nearest.distance < bodies.clearance:
-        both = " and ".join(nearest.pair)
-        notes += (
-            f"{both} overlap; the clearance is {bodies.clearance:g} m"
-            if nearest.distance <= 0
-            else f"{both} are nearer than the clearance, {bodies.clearance:g} m: "
-            "[constraints] clearance sets it",
-        )
-    posture = measured.posture.model_copy(update={"collision": record})
-    return replace(measured, posture=posture, notes=notes)
-
-
-def overlap_notes(cell: Cell, bodies: Bodies, joints: Sequence[Array]) -> tuple[str, ...]:
-    """A note where bodies overlap at a posture, by arm (n_i,), that nothing keeps apart."""
-    pair = bodies.overlapping(configurations_of(cell, joints)[0])
-    if pair is None:
-        return ()
-    return (f"{pair[0]} and {pair[1]} overlap; [constraints] collision = true keeps them apart",)
 
 
 def _frame(system: System, carrier: Carrier) -> Frame:

@@ -1,8 +1,8 @@
-"""What must hold at a posture, as data."""
+"""Constraints of a program as data: bounds on expressions, the closed chain among them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -20,6 +20,21 @@ class Constraint:
     lower: Array
     upper: Array
     unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class ConstraintTerm:
+    """The term of a constraint on postures in a program.
+
+    Attributes:
+        variables: beside the joints, stacked.
+        constraints: on them and on the joints.
+        parameters: of these, stacked.
+    """
+
+    variables: ca.SX
+    constraints: tuple[Constraint, ...]
+    parameters: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
 
 
 def equality(name: str, expression: ca.SX, unit: str) -> Constraint:

@@ -1,12 +1,10 @@
-"""What torque limits add to the posture program: variables, equations and bounds.
+"""A demand on torques as variables, equations and bounds of a program.
 
 Joint accelerations and contact wrenches are variables of their own, so that torques are simple
 expressions and nothing is inverted.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -16,86 +14,9 @@ from copose.capability.torque_limits import JointMotion
 from copose.cell.dynamics import CellDynamics
 from copose.constraints.constraint import Constraint, equality
 from copose.mechanics import System
-from copose.objectives.limits_measures import LimitsMeasure
 
 
-@dataclass(frozen=True, eq=False)
-class Addition:
-    """Variables and constraints that join a program.
-
-    Attributes:
-        variables: stacked.
-        constraints: on them and on the joints.
-        value: what they make of an objective, None where they are a constraint alone.
-        size: a typical one of the value.
-    """
-
-    variables: ca.SX
-    constraints: tuple[Constraint, ...]
-    value: ca.SX | None = None
-    size: float = 1.0
-
-
-def limits_addition(
-    system: System,
-    objective: LimitsMeasure,
-    numbers: ca.SX,
-    capacity: CellDynamics,
-    turned: ca.SX | None = None,
-) -> Addition:
-    """The least t of an objective's demands.
-
-    Variables are those of each demand, t first, see `_demand`; with several demands the last
-    variable is the least t. All are over typical sizes, see `LimitsMeasure.starts`.
-
-    Args:
-        system: the expressions.
-        objective: whose demands they are.
-        numbers: the demands, as `LimitsMeasure.parted` takes them.
-        capacity: bounds on contact wrenches, and sizes.
-        turned: by how much M_o differs from that for which the demands are told, (m, m).
-    """
-    bounds = capacity.bounds if objective.balanced else capacity.bounds.none
-    size = objective.size(capacity)
-    reached, variables, constraints = [], [], []
-    for k, (motion, load) in enumerate(objective.parted(numbers)):
-        name = "" if objective.programmed == 1 else f" of demand {k + 1}"
-        t = ca.SX.sym("t")
-        if turned is not None:
-            more_load = turned @ objective.carried(motion, system.object.mass)
-            load += ca.vertcat(more_load, ca.SX(load.shape[0] - more_load.shape[0], 2))
-        given = ca.vertcat(1, size * t)
-        own, more = _demand(
-            system, motion @ given, load @ given, objective.joints, capacity, bounds, name
-        )
-        reached.append(t)
-        variables += [t, *own]
-        constraints += more
-    if objective.programmed == 1:
-        return Addition(ca.vertcat(*variables), tuple(constraints), size * reached[0], size)
-    least = ca.SX.sym("least")
-    ahead = ca.vertcat(*(t - least for t in reached))
-    above = Constraint(
-        "least of the demands", ahead, np.zeros(len(reached)), np.full(len(reached), np.inf), "1"
-    )
-    return Addition(ca.vertcat(*variables, least), (*constraints, above), size * least, size)
-
-
-def holding_addition(system: System, capacity: CellDynamics) -> Addition:
-    """Some contact wrenches hold the object at rest; over typical sizes they are the variables,
-    stacked, see `CellDynamics.resting`.
-    """
-    b, fall = len(system.space.balance), system.gravity
-    rows = 2 if system.space.planar else 3
-    weight = -system.object.mass * ca.DM(fall[:rows])
-    load, rest = ca.vertcat(weight, ca.SX(b - rows, 1)), ca.SX(system.space.m, 1)
-    variables, constraints = _demand(
-        system, rest, load, JointMotion.REST, capacity, capacity.bounds, " that hold the object"
-    )
-    return Addition(ca.vertcat(*variables), tuple(constraints))
-
-
-def _demand(
+def demand_term(
     system: System,
     motion: ca.SX,
     load: ca.SX,

@@ -11,7 +11,6 @@ from copose.live.state import State
 from copose.poses import Pose
 from copose.results import Posture
 from copose.robots import load_arms
-from copose.viewer.aims import directions_of
 from copose.viewer.looks import link_looks
 from copose.viewer.scene import CellScene
 
@@ -85,7 +84,7 @@ class Stage:
         if state.start is not self._start:
             self._start = state.start
             self.scene.show_before(state.start)
-        self.scene.point(directions_of(state.problem))
+        self.scene.point(state.problem.objective.pointed)
         self.gizmos.place(state.problem)
         for obstacle in state.problem.obstacles:
             self.scene.place_obstacle(obstacle.name, obstacle.pose)

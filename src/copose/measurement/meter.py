@@ -1,4 +1,4 @@
-"""What a posture is worth, from its joint positions alone."""
+"""Measurement of a posture from its joint positions alone."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ from copose.cell.functions import PostureFunctions, ellipsoid_of, sliced
 from copose.measurement.torque_limits import Allowances, TorqueLimitReport
 from copose.measurement.velocity_force import Companions
 from copose.objectives.build import objective_of
-from copose.objectives.ellipsoid_measures import EllipsoidMeasure, Objective
-from copose.objectives.limits_measures import LimitsMeasure
+from copose.objectives.objective import Objective
 from copose.poses import Array
 from copose.results import (
     ArmRecord,
@@ -33,15 +32,6 @@ from copose.results import (
     vector,
 )
 from copose.robots import freed
-
-# Below this ratio of singular values a Jacobian counts as rank-deficient: nothing that a
-# pseudoinverse says of such a direction would be known to a single digit.
-RANK_TOLERANCE = 1e-12
-# Keys of a posture that only torque limits on all joints make known.
-_LIMITED = (
-    "payload", "static_torque", "torque_shares", "residual_radius", "wrenches",
-    "joint_accelerations",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +55,7 @@ class Measurement:
 
 @dataclass(frozen=True, eq=False)
 class Measures:
-    """What many postures are worth; NaN where an arm is singular.
+    """Measured values of many postures; NaN where an arm is singular.
 
     Attributes:
         objective: the problem's, (count,).
@@ -127,14 +117,14 @@ class Meter:
             ca.vertcat(place, gravity, velocity),
             [forward_dynamics(system, gravity, velocity)[1]],
         )
-        self._form = None
-        measure = self.objective
-        if isinstance(measure, EllipsoidMeasure) and measure.form is not cell.resolution:
-            factor = measure.form.factor(system, measure.scales)
-            self._form = PostureFunctions(system.q, place, [factor])
+        self._own_factor = None
+        form = self.objective.form
+        if form is not None and form is not cell.resolution:
+            factor = form.factor(system, self.objective.scales)
+            self._own_factor = PostureFunctions(system.q, place, [factor])
 
     def toward(self, objective: Objective) -> Meter:
-        """The same for another objective of the same kind."""
+        """A meter for another objective of the same kind."""
         if objective is self.objective:
             return self
         other = copy(self)
@@ -232,34 +222,26 @@ class Meter:
             **allowed.keys,
         )
         value = allowed.value
-        if isinstance(self.objective, EllipsoidMeasure) and closed:
+        if self.objective.form is not None and closed:
             measured = ellipsoid
-            if self._form is not None:
-                (factor,) = self._form(np.concatenate(joints), cell.parameters)
+            if self._own_factor is not None:
+                (factor,) = self._own_factor(np.concatenate(joints), cell.parameters)
                 measured = sliced(cell, ellipsoid_of(factor))
             value = None if measured is None else self.objective.of(measured)
         return Measurement(posture, ellipsoid, value, tuple(notes), allowed.extremes)
 
     def _allowed(self, cell: Cell, joints: Sequence[Array], everything: bool) -> Allowances:
         if not everything:
-            asks = isinstance(self.objective, LimitsMeasure)
-            asks |= cell.problem.constraints.static_torque
+            asks = self.objective.torque_limited or cell.problem.constraints.static_torque
             if not asks or self._allowance is None:
-                return Allowances()
+                return Allowances(cell)
             return self._allowance.asked(cell, joints)
         if self._allowance is None:
-            found = Allowances(
-                keys=dict.fromkeys(_LIMITED),
-                notes=[]
-                if cell.weightless
-                else [
-                    "what torque limits allow is unknown: every joint needs [[arms]] torque_limits"
-                ],
-            )
+            allowances = Allowances.unknown(cell)
         else:
-            found = self._allowance.all(cell, joints)
-        found.keys["companions"] = self._companions.of(cell, joints)
-        return found
+            allowances = self._allowance.all(cell, joints)
+        allowances.keys["companions"] = self._companions.of(cell, joints)
+        return allowances
 
     def holding_shares(self, cell: Cell, joints: Sequence[Array]) -> dict[str, Vector] | None:
         """Share of each joint's torque limit, by arm, in the hold at rest whose largest share is
@@ -296,4 +278,5 @@ def closure_errors(gap: Array, turn: Array, rigid: bool) -> Array:
 
 def _rank(J: Array) -> int:
     values = np.linalg.svd(J, compute_uv=False)
-    return int(np.sum(values > RANK_TOLERANCE * max(values[0], 1e-300)))
+    # Nothing that a pseudoinverse says of a direction below would be known to a single digit.
+    return int(np.sum(values > 1e-12 * max(values[0], 1e-300)))

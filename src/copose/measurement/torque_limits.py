@@ -1,9 +1,8 @@
-"""What torque limits allow at one posture, as a result states it."""
+"""Extremes that torque limits allow at one posture, as a result states them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,8 @@ import numpy as np
 from copose.capability import Ellipsoid, ExactSet
 from copose.capability.torque_limits import Dynamics, Extreme
 from copose.cell.cell import Cell
-from copose.cell.dynamics import HELD, CellDynamics, Holding
-from copose.objectives.ellipsoid_measures import Objective
-from copose.objectives.limits_measures import Acceleration, AllRound, LimitsMeasure, Payload
+from copose.cell.dynamics import HELD, CellDynamics
+from copose.objectives.objective import Objective
 from copose.poses import Array
 from copose.results import (
     AccelerationRecord,
@@ -26,20 +24,8 @@ from copose.results import (
 )
 
 
-@dataclass(eq=False)
-class Allowances:
-    """Parts of a posture's record, with the objective's value where limits decide it, notes, and
-    the extremes by name.
-    """
-
-    keys: dict[str, Any] = field(default_factory=dict)
-    value: float | None = None
-    notes: list[str] = field(default_factory=list)
-    extremes: dict[str, Extreme] = field(default_factory=dict)
-
-
 class TorqueLimitReport:
-    """States what the torque limits of a cell allow at its postures; built once.
+    """A reporter of what the torque limits of a cell allow at its postures; built once.
 
     Attributes:
         capacity: evaluates the equations of motion.
@@ -52,142 +38,146 @@ class TorqueLimitReport:
         self._static = cell.problem.constraints.static_torque
 
     def asked(self, cell: Cell, q: Sequence[Array]) -> Allowances:
-        """What the problem asks for, of a posture by arm, (n_i,)."""
-        holding, found = self.capacity.holding(cell), Allowances()
-        objective = self.objective
-        if isinstance(objective, LimitsMeasure):
-            self._objective(cell, holding, objective, q, found)
-        if self._static or isinstance(objective, LimitsMeasure):
-            self._hold(cell, holding, self._dynamics(holding, q), found)
-        return found
+        """Extremes that the problem asks for, of a posture by arm, (n_i,)."""
+        allowances = self._with_objective(cell, q)
+        if self._static or self.objective.torque_limited:
+            allowances.hold(needed=self._static)
+        return allowances
 
     def all(self, cell: Cell, q: Sequence[Array]) -> Allowances:
         """Everything, of a posture by arm, (n_i,)."""
-        holding, found = self.capacity.holding(cell), Allowances()
-        dynamics = self._dynamics(holding, q)
-        objective, space = self.objective, cell.system.space
-        if isinstance(objective, LimitsMeasure):
-            self._objective(cell, holding, objective, q, found)
-        self._hold(cell, holding, dynamics, found)
-        if not isinstance(objective, Payload):
-            self._payload(cell, holding, dynamics, np.zeros(space.m), found)
-        records = list(found.keys.get("accelerations", ()))
+        allowances, space = self._with_objective(cell, q), cell.system.space
+        allowances.hold(needed=self._static)
+        if "payload" not in allowances.keys:
+            allowances.payload(np.zeros(space.m))
         for axis in cell.problem.axes:
             for sign, word in ((1.0, "+"), (-1.0, "−")):
                 u = np.zeros(space.m)
                 u[axis] = sign
-                name = f"acceleration {word}{space.coordinates[axis]}"
-                records.append(self._acceleration(cell, holding, dynamics, u, name, found))
-        found.keys["accelerations"] = tuple(records)
-        self._exact_sets(cell, holding, q, found)
-        return found
+                allowances.acceleration(u, f"acceleration {word}{space.coordinates[axis]}")
+        allowances.exact_sets()
+        return allowances
 
     def holding(self, cell: Cell, q: Sequence[Array]) -> dict[str, Vector] | None:
         """Shares of the torque limits in the hold at rest whose largest share is smallest, by arm;
         None where no contact wrenches hold the object.
         """
         holding = self.capacity.holding(cell)
-        extreme = self._dynamics(holding, q).hold(holding.hold)
-        return None if extreme is None else self._shares(cell, extreme)
+        extreme = self.capacity.dynamics(holding, [mine[None] for mine in q]).hold(holding.hold)
+        return None if extreme is None else shares_of(cell, self.capacity, extreme)
 
-    def _dynamics(self, holding: Holding, q: Sequence[Array]) -> Dynamics:
-        return self.capacity.dynamics(holding, [mine[None] for mine in q])
+    def _with_objective(self, cell: Cell, q: Sequence[Array]) -> Allowances:
+        allowances, objective = Allowances(cell, self.capacity, q), self.objective
+        if objective.torque_limited:
+            allowances.value = objective.report(allowances)
+            if allowances.value is None:
+                allowances.notes.append(
+                    f"no {objective.kind}: the torque limits leave no such motion of the object "
+                    "here"
+                )
+        return allowances
 
-    def _objective(
-        self,
-        cell: Cell,
-        holding: Holding,
-        objective: LimitsMeasure,
-        q: Sequence[Array],
-        found: Allowances,
+
+class Allowances:
+    """Extremes that torque limits allow at one posture, grown by what is asked for.
+
+    Attributes:
+        keys: parts of the posture's record.
+        value: the objective's, where limits decide it.
+        notes: what is unknown, and why.
+        extremes: by name.
+    """
+
+    def __init__(
+        self, cell: Cell, capacity: CellDynamics | None = None, q: Sequence[Array] = ()
     ) -> None:
-        dynamics = self._dynamics(holding, q)
-        if isinstance(objective, Acceleration):
-            names = ["acceleration"]
-            if len(objective.directions) > 1:
-                names = [f"acceleration {k + 1}" for k in range(len(objective.directions))]
-            records = [
-                self._acceleration(cell, holding, dynamics, u, name, found)
-                for u, name in zip(objective.directions, names, strict=True)
-            ]
-            found.keys["accelerations"] = tuple(records)
-            values = [record.value for record in records if record.value is not None]
-            found.value = min(values) if len(values) == len(records) else None
-        elif isinstance(objective, Payload):
-            found.value = self._payload(cell, holding, dynamics, objective.acceleration, found)
-        elif isinstance(objective, AllRound):
-            exact = self.capacity.exact_set(cell, q, objective.axes)
-            if exact is None:
-                found.notes.append("residual_radius unknown: the equations of motion are singular")
-            else:
-                found.value = exact.residual_radius
-                self._touching(cell, holding, q, exact, found)
-            found.keys["residual_radius"] = found.value
-        if found.value is None:
-            found.notes.append(
-                f"no {objective.kind}: the torque limits leave no such motion of the object here"
+        """Nothing asked for yet of a posture, by arm (n_i,); without a capacity nothing can be."""
+        self.keys: dict[str, Any] = {}
+        self.value: float | None = None
+        self.notes: list[str] = []
+        self.extremes: dict[str, Extreme] = {}
+        self._cell, self._q = cell, q
+        if capacity is not None:
+            self._capacity, self._holding = capacity, capacity.holding(cell)
+            self._dynamics: Dynamics = capacity.dynamics(self._holding, [part[None] for part in q])
+
+    @classmethod
+    def unknown(cls, cell: Cell) -> Allowances:
+        """The statement on a cell some of whose joints have no torque limit."""
+        allowances = cls(cell)
+        parts = "torque_shares", "wrenches", "joint_accelerations"
+        for key in ("payload", "static_torque", "residual_radius", *parts):
+            allowances.keys[key] = None
+        if not cell.weightless:
+            allowances.notes.append(
+                "what torque limits allow is unknown: every joint needs [[arms]] torque_limits"
             )
+        return allowances
 
-    def _acceleration(
-        self,
-        cell: Cell,
-        holding: Holding,
-        dynamics: Dynamics,
-        u: Array,
-        name: str,
-        found: Allowances,
-    ) -> AccelerationRecord:
-        extreme = dynamics.extreme(holding.acceleration(u))
-        self._state(cell, holding, name, extreme, found)
+    def acceleration(self, direction: Array, name: str) -> float | None:
+        """State the largest acceleration along a unit direction, (m,); None where there is none."""
+        extreme = self._dynamics.extreme(self._holding.acceleration(direction))
+        self._state(name, extreme)
         value = None if extreme is None else extreme.value
-        return AccelerationRecord(direction=vector(u), value=value)
-
-    def _payload(
-        self,
-        cell: Cell,
-        holding: Holding,
-        dynamics: Dynamics,
-        acceleration: Array,
-        found: Allowances,
-    ) -> float | None:
-        value = None
-        if np.any(cell.system.gravity):
-            extreme = dynamics.extreme(holding.payload(acceleration))
-            moving = bool(np.any(acceleration))
-            self._state(cell, holding, "payload", extreme, found, moving=moving)
-            value = None if extreme is None else extreme.value
-            if extreme is None:
-                found.notes.append("payload unknown: no mass can be held here, or any mass")
-            elif extreme.value < 0:
-                found.notes.append("payload below zero: the arms cannot hold even themselves here")
-        else:
-            found.notes.append("no payload: [world] gravity is 0")
-        found.keys["payload"] = value
+        record = AccelerationRecord(direction=vector(direction), value=value)
+        self.keys["accelerations"] = (*self.keys.get("accelerations", ()), record)
         return value
 
-    def _hold(self, cell: Cell, holding: Holding, dynamics: Dynamics, found: Allowances) -> None:
-        extreme = dynamics.hold(holding.hold)
-        self._state(cell, holding, "hold", extreme, found, moving=False)
+    def payload(self, acceleration: Array) -> float | None:
+        """State the largest mass, kg, accelerated so, (m,), or held at rest."""
+        value = None
+        if np.any(self._cell.system.gravity):
+            extreme = self._dynamics.extreme(self._holding.payload(acceleration))
+            self._state("payload", extreme, moving=bool(np.any(acceleration)))
+            value = None if extreme is None else extreme.value
+            if extreme is None:
+                self.notes.append("payload unknown: no mass can be held here, or any mass")
+            elif extreme.value < 0:
+                self.notes.append("payload below zero: the arms cannot hold even themselves here")
+        else:
+            self.notes.append("no payload: [world] gravity is 0")
+        self.keys["payload"] = value
+        return value
+
+    def radius(self, axes: Sequence[int]) -> float | None:
+        """State the largest ball of accelerations around rest on some axes."""
+        exact, value = self._capacity.exact_set(self._cell, self._q, axes), None
+        if exact is None:
+            self.notes.append("residual_radius unknown: the equations of motion are singular")
+        else:
+            value = exact.residual_radius
+            self._touching(exact)
+        self.keys["residual_radius"] = value
+        return value
+
+    def hold(self, *, needed: bool) -> None:
+        """State the hold at rest whose largest share of a torque limit is smallest.
+
+        Args:
+            needed: whether it has to be within the limits.
+        """
+        extreme = self._dynamics.hold(self._holding.hold)
+        self._state("hold", extreme, moving=False)
         if extreme is None:
-            found.keys["static_torque"] = None
-            found.notes.append("no contact wrenches within their limits hold the object here")
+            self.keys["static_torque"] = None
+            self.notes.append("no contact wrenches within their limits hold the object here")
             return
-        if self._static and extreme.value > 1 + HELD:
-            found.notes.append(
+        if needed and extreme.value > 1 + HELD:
+            self.notes.append(
                 f"the object cannot be held at rest: that takes {extreme.value:.3g} times a torque "
                 "limit"
             )
-        found.keys["static_torque"] = self._shares(cell, extreme)
+        self.keys["static_torque"] = shares_of(self._cell, self._capacity, extreme)
 
-    def _exact_sets(
-        self, cell: Cell, holding: Holding, q: Sequence[Array], found: Allowances
-    ) -> None:
+    def exact_sets(self) -> None:
+        """State the exact sets of linear and of angular accelerations."""
+        cell = self._cell
         space, records = cell.system.space, {}
         for name, kind in (("linear", space.linear), ("angular", space.angular)):
             axes = [axis for axis in cell.problem.axes if axis in kind]
-            exact = self.capacity.exact_set(cell, q, axes) if axes else None
+            exact = self._capacity.exact_set(cell, self._q, axes) if axes else None
             if exact is not None:
-                self._touching(cell, holding, q, exact, found)
+                self._touching(exact)
                 ball = Ellipsoid.from_factor(np.linalg.pinv(exact.generators), exact.center)
                 records[name] = ExactSetRecord(
                     ellipsoid=EllipsoidRecord.of(ball.section(axes)),
@@ -196,78 +186,67 @@ class TorqueLimitReport:
                     residual_radius=exact.residual_radius,
                 )
         if not records:
-            found.notes.append(
+            self.notes.append(
                 "exact set unknown: the equations of motion are singular here; another posture has "
                 "one"
             )
-        found.keys["exact_sets"] = records
+        self.keys["exact_sets"] = records
         one = len(records) == 1
         radius = next(iter(records.values())).residual_radius if one else None
         if len(records) > 1:
-            found.notes.append("residual radii are linear and angular apart: see exact_sets")
-        found.keys["residual_radius"] = radius
+            self.notes.append("residual radii are linear and angular apart: see exact_sets")
+        self.keys["residual_radius"] = radius
 
-    def _touching(
-        self,
-        cell: Cell,
-        holding: Holding,
-        q: Sequence[Array],
-        exact: ExactSet,
-        found: Allowances,
-    ) -> None:
-        """The extreme that limits the ball around rest in an exact set."""
-        space, u = cell.system.space, np.zeros(cell.system.space.m)
+    def _touching(self, exact: ExactSet) -> None:
+        """State the extreme that limits the ball around rest in an exact set."""
+        space, u = self._cell.system.space, np.zeros(self._cell.system.space.m)
         if exact.weakest is None:
             return
         u[list(exact.axes)] = exact.weakest
-        free = holding.forces_alone
-        dynamics = self.capacity.dynamics(free, [mine[None] for mine in q], bounded=False)
-        extreme = dynamics.extreme(free.acceleration(u))
+        free, q = self._holding.forces_alone, [part[None] for part in self._q]
+        extreme = self._capacity.dynamics(free, q, bounded=False).extreme(free.acceleration(u))
         if extreme is not None:
             kind = "linear" if exact.axes[0] in space.linear else "angular"
             name = f"residual radius, {kind}"
-            found.keys.setdefault("torque_shares", {})[name] = self._shares(cell, extreme)
-            self._moved(cell, name, extreme, found)
+            self._state_shares(name, extreme)
+            self._state_motion(name, extreme)
 
-    def _state(
-        self,
-        cell: Cell,
-        holding: Holding,
-        name: str,
-        extreme: Extreme | None,
-        found: Allowances,
-        *,
-        moving: bool = True,
-    ) -> None:
-        """The contact wrenches of an extreme, in world axes, with their internal parts, its
+    def _state(self, name: str, extreme: Extreme | None, *, moving: bool = True) -> None:
+        """State the contact wrenches of an extreme, in world axes, with their internal parts, its
         shares of torque limits, and its joint accelerations where joints move.
         """
         if extreme is None:
             return
-        found.extremes[name] = extreme
+        self.extremes[name] = extreme
         if name != "hold":
-            found.keys.setdefault("torque_shares", {})[name] = self._shares(cell, extreme)
+            self._state_shares(name, extreme)
         if moving:
-            self._moved(cell, name, extreme, found)
-        K, m = len(cell.arms), cell.system.space.m
+            self._state_motion(name, extreme)
+        arms, holding = self._cell.arms, self._holding
+        m = self._cell.system.space.m
         grasps = [P[:m] @ R.T for P, R in zip(holding.balance, holding.turns, strict=True)]
         wrenches = [R @ h for R, h in zip(holding.turns, extreme.wrenches, strict=True)]
         total = np.sum([W @ h for W, h in zip(grasps, wrenches, strict=True)], axis=0)
-        found.keys.setdefault("wrenches", {})[name] = {
+        self.keys.setdefault("wrenches", {})[name] = {
             arm.name: WrenchRecord(
-                wrench=vector(h), internal=vector(h - np.linalg.solve(W, total) / K)
+                wrench=vector(h), internal=vector(h - np.linalg.solve(W, total) / len(arms))
             )
-            for arm, h, W in zip(cell.arms, wrenches, grasps, strict=True)
+            for arm, h, W in zip(arms, wrenches, grasps, strict=True)
         }
 
-    def _shares(self, cell: Cell, extreme: Extreme) -> dict[str, Vector]:
-        """Of each joint's torque limit, by arm."""
-        shares = zip(cell.arms, extreme.torques, self.capacity.limits, strict=True)
-        return {arm.name: vector(np.abs(t) / T) for arm, t, T in shares}
+    def _state_shares(self, name: str, extreme: Extreme) -> None:
+        shares = shares_of(self._cell, self._capacity, extreme)
+        self.keys.setdefault("torque_shares", {})[name] = shares
 
-    def _moved(self, cell: Cell, name: str, extreme: Extreme, found: Allowances) -> None:
-        found.extremes[name] = extreme
-        accelerations = zip(cell.arms, extreme.accelerations, strict=True)
-        found.keys.setdefault("joint_accelerations", {})[name] = {
+    def _state_motion(self, name: str, extreme: Extreme) -> None:
+        self.extremes[name] = extreme
+        accelerations = zip(self._cell.arms, extreme.accelerations, strict=True)
+        self.keys.setdefault("joint_accelerations", {})[name] = {
             arm.name: vector(part) for arm, part in accelerations
         }
+
+
+def shares_of(cell: Cell, capacity: CellDynamics, extreme: Extreme) -> dict[str, Vector]:
+    """Shares of each joint's torque limit in an extreme, by arm."""
+    shares = zip(cell.arms, extreme.torques, capacity.limits, strict=True)
+    return {arm.name: vector(np.abs(t) / T) for arm, t, T in shares}

@@ -16,7 +16,6 @@ from copose.capability import (
 from copose.cell.cell import Cell
 from copose.cell.functions import PostureFunctions, ellipsoid_of, sliced
 from copose.poses import Array
-from copose.problem import AccelerationObjective, TaskCompatibilityObjective
 from copose.results import CompanionRecord
 
 
@@ -39,7 +38,7 @@ class Companions:
         )
 
     def of(self, cell: Cell, joints: Sequence[Array]) -> dict[str, CompanionRecord]:
-        """By name, with nulls where an arm is singular; joints by arm, (n_i,)."""
+        """The ellipsoids by name, with nulls where an arm is singular; joints by arm, (n_i,)."""
         values = self._parts(np.concatenate(joints), cell.parameters)
         velocity, scaled, averaged, force = (ellipsoid_of(factor) for factor in values[:4])
         K = len(cell.arms)
@@ -50,25 +49,15 @@ class Companions:
             "external force": sliced(cell, force),
             "external force, internal force optimal": sliced(cell, _polar(scaled)),
         }
-        axes = np.vstack([np.eye(len(cell.problem.axes)), *_named(cell)])
+        problem = cell.problem
+        named = [np.array(problem.along(u))[None] for u in problem.objective.wanted]
+        axes = np.vstack([np.eye(len(problem.axes)), *named])
         records = {name: CompanionRecord.of_directions(e, axes) for name, e in found.items()}
         if internal.shape[1]:
             directions = np.eye(internal.shape[1])
             each = ellipsoid_of(internal)
             records["internal force"] = CompanionRecord.of_directions(each, directions)
         return records
-
-
-def _named(cell: Cell) -> list[Array]:
-    """Unit directions on the problem's axes that its objective names."""
-    spec = cell.problem.objective
-    if isinstance(spec, TaskCompatibilityObjective):
-        named = [weighted.direction for weighted in spec.directions]
-    elif isinstance(spec, AccelerationObjective):
-        named = list(spec.wanted)
-    else:
-        named = []
-    return [np.array(cell.problem.along(direction))[None] for direction in named]
 
 
 def _polar(ellipsoid: Ellipsoid | None) -> Ellipsoid | None:

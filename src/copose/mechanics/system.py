@@ -262,8 +262,8 @@ class System:
         return ca.vertcat(*(arm.q for arm in self.arms))
 
     def split(self, q: Array) -> list[Array]:
-        """Stacked joint positions, arm by arm."""
-        return np.split(q, np.cumsum([arm.arm.n for arm in self.arms])[:-1])
+        """Stacked joint positions, (N,) or (count, N), arm by arm."""
+        return np.split(q, np.cumsum([arm.arm.n for arm in self.arms])[:-1], axis=-1)
 
     def goal(self, i: int) -> Goal:
         """Where the object wants the tip of arm i."""

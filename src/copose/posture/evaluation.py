@@ -11,9 +11,10 @@ from copose.cell.cell import Cell
 from copose.cell.freedom import Freedom
 from copose.cell.notes import margin_notes
 from copose.collision import Scene
-from copose.constraints.clearance import overlap_notes, with_collision
+from copose.constraints.table import constraints_of
 from copose.errors import InputError, arm_key
 from copose.kernels import one_at_a_time
+from copose.measurement.collision import noted, overlap_notes, with_collision
 from copose.measurement.meter import Measurement, Meter
 from copose.objectives.build import objective_of
 from copose.poses import Array
@@ -88,6 +89,7 @@ def _evaluated(
             notes += scene.notes
         else:
             notes += overlap_notes(cell, bodies, q)
+    measured = noted(measured, constraints_of(cell))
     placed = Placed((x,), (np.concatenate(q),), np.nan)
     after = Placing(placed, (Case(measured, 1.0),)) if len(freedom) else measured
     timing = Timing(build_s=built - began, search_s=time.perf_counter() - built)

@@ -1,4 +1,4 @@
-"""What a problem file amounts to, before anything is solved."""
+"""Inspection of a problem file before anything is solved."""
 
 from __future__ import annotations
 

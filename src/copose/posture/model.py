@@ -1,110 +1,36 @@
-"""Everything that is built once for a problem, whatever is asked of it afterwards."""
+"""Kernels and programs of a cell, built once; object pose, mass and limits are numbers."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Sequence
+from functools import cached_property, partial
 
 import numpy as np
 
 from copose import kernels
-from copose.capability import HoldingTorque
-from copose.capability.torque_limits import Demand
+from copose.capability import Sums
 from copose.cell.cell import Cell
-from copose.cell.dynamics import HELD, CellDynamics, Holding
+from copose.cell.dynamics import CellDynamics
 from copose.cell.freedom import Freedom
 from copose.cell.variables import Places
-from copose.collision import Bodies, Scene, Witness
-from copose.constraints.clearance import (
-    EXACT,
-    ROWS,
-    SPARE,
-    TOUCHING,
-    Apart,
-    configurations_of,
-    held_back,
-    of_two,
-    overlap_notes,
-    rows_of,
-    with_collision,
-)
+from copose.collision import Bodies, Scene
+from copose.constraints.clearance import Apart
+from copose.constraints.table import constraints_of
 from copose.errors import InputError
 from copose.kernels import Kernel
+from copose.measurement.collision import noted, overlap_notes, with_collision
 from copose.measurement.meter import Measurement, Measures, Meter, closure_errors
 from copose.objectives.build import objective_of
-from copose.objectives.ellipsoid_measures import EllipsoidMeasure, Objective
-from copose.objectives.limits_measures import LimitsMeasure
+from copose.objectives.objective import Objective
 from copose.poses import Array, Mask
-from copose.posture.optimum import LocalOptimum
-from copose.posture.search.screening import Score
+from copose.posture.feasibility import Feasibility
+from copose.posture.score import Score
+from copose.posture.setting import Setting
 from copose.posture.solvers.newton import ArmGroup, Polisher
-from copose.posture.solvers.nlp import Given, LocalSolve, PostureProgram
-from copose.progress import stage
+from copose.posture.solvers.nlp import PostureProgram
 from copose.results import LinkRecord, link_records
-from copose.self_motion.kernels import ArmKernels, KernelInputsBuilder, Placement, terms_kernel
-
-# s
-_LOOK_AGAIN = 0.5
-# Solves in which demands that a program left out join it, the first of which wander; the part of
-# the way that the next may go after one that led astray, and how little is too little, rad or m.
-_EXCHANGES, _WANDER, _NEARER, _NO_ROOM = 20, 6, 0.3, 1e-6
-# What a climb may lose by rounding, relative.
-_LOSS = 1e-9
-# Bodies that are less than this farther apart than they must be matter to a program, m.
-MATTERS = 0.01
-# Where there are none, those do that are less than this farther apart.
-_FARTHER = 0.1
-# How often a program is solved with what it has run into.
-_COLLISIONS = 12
-# What comes within this of the best, relative, is followed along bodies that it touches.
-_NEAR_BEST = 3e-5
-# For as long as it gains so much: what it would gain next is of the order of the square.
-_GAIN = 1e-6
-# Not what is farther below the best than so many times what that has gained.
-_HOPE = 3.0
-# Optima of which the first that keeps clear is looked for.
-_LOOKED_AT = 16
-
-
-@dataclass(frozen=True, eq=False)
-class Setting:
-    """A cell with its object somewhere, and what the kernels take for it.
-
-    Attributes:
-        cell: the object's pose is its problem's.
-        objective: what is maximised there.
-        placement: of the object, as the arms' kernels take it.
-        given: M_o, the object's weight and the objective's numbers, as the score's kernels take
-            them.
-        lower: joint limits by arm; infinite for joints that can turn all the way, which have none.
-        upper: alike.
-        numbers: parameters of the objective.
-        holding: how the object is held, where torque limits matter.
-        held_ties: what the kernels of `HoldingTorque` take, by arm.
-        bodies: what must keep the clearance; None where nothing need.
-    """
-
-    cell: Cell
-    objective: Objective
-    placement: Placement
-    given: Array
-    lower: tuple[Array, ...]
-    upper: tuple[Array, ...]
-    numbers: Array
-    holding: Holding | None
-    held_ties: tuple[Array, ...]
-    bodies: Bodies | None
-
-    def configurations(self, q: Sequence[Array | None]) -> Array:
-        """See `configurations_of`."""
-        return configurations_of(self.cell, q)
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Limits of all joints, stacked."""
-        return np.concatenate(self.lower), np.concatenate(self.upper)
+from copose.self_motion.kernels import ArmKernels, KernelInputsBuilder, terms_kernel
 
 
 class PostureModel:
@@ -117,10 +43,7 @@ class PostureModel:
         score: of the sums of the arms' terms.
         meter: measures what is reported.
         capacity: what torque limits allow, where they matter.
-        static: whether arms at rest must hold the object within their torque limits.
-        newton: whether Newton steps climb the score.
-        smooth: whether the score is then the objective itself.
-        dear: whether a climb takes many programs.
+        feasibility: tests of the constraints.
         bodies: that may not touch, if any.
     """
 
@@ -134,39 +57,51 @@ class PostureModel:
         self.cell = cell
         self.objective: Objective = objective_of(cell) if objective is None else objective
         self._given = objective
-        self.static = cell.problem.constraints.static_torque
-        self.capacity = None
-        if isinstance(self.objective, LimitsMeasure) or self.static:
-            self.capacity = CellDynamics(cell, cell.counted_limits)
+        self.feasibility = Feasibility(constraints_of(cell))
+        constraints = self.feasibility.constraints
+        limited = [self.objective.torque_limited, *(c.torque_limited for c in constraints)]
+        self.capacity = CellDynamics(cell, cell.counted_limits) if any(limited) else None
         models: dict[bytes, ArmKernels] = {}
-        held: dict[bytes, Kernel] = {}
         for arm, mechanics in zip(cell.arms, cell.system.arms, strict=True):
             if arm.fingerprint not in models:
                 models[arm.fingerprint] = ArmKernels.of(mechanics, self.objective.sums)
-                if self.static:
-                    held[arm.fingerprint] = terms_kernel(mechanics, HoldingTorque())
         self.arms = tuple(models[arm.fingerprint] for arm in cell.arms)
-        self._held = tuple(held[arm.fingerprint] for arm in cell.arms) if held else ()
         self._placer = KernelInputsBuilder(cell.system, self.objective.sums, self.objective.scales)
-        self._held_placer = None
-        if self.static and cell.torque_limits is not None:
-            self._held_placer = KernelInputsBuilder(
-                cell.system, HoldingTorque(), cell.torque_limits
-            )
-        self._nominal, numbers = self._numbers_of(cell, self.objective)
-        self._numbers = len(numbers)
-        self.score = Score(cell, self.objective, self._numbers)
+        self._ruling_out = [_SummedTerms(cell, c.sums) for c in constraints if c.sums is not None]
+        self._nominal = None if self.capacity is None else self.capacity.holding(cell)
+        numbers = len(self.objective.parameters(self._nominal))
+        self.score = Score(cell, self.objective, numbers, constraints)
         self.meter = Meter(cell, self.objective, self.capacity)
-        self.newton = isinstance(self.objective, EllipsoidMeasure)
-        self.smooth = isinstance(self.objective, EllipsoidMeasure) and not self.objective.kinked
-        self.dear = isinstance(self.objective, LimitsMeasure) and self.objective.dear
         self.bodies = self.every_body if cell.problem.constraints.collision else None
         self._built: dict[tuple[bool, Apart | None], PostureProgram] = {}
         self._looked: float | None = None
-        own = [kernel for model in models.values() for kernel in model.all]
-        self._kernels = (*own, *held.values(), *self.score.all, self._placer.kernel)
-        if self.capacity is not None:
-            self._kernels += self.capacity.kernels
+        self._kernels = (
+            *(kernel for model in models.values() for kernel in model.all),
+            *(kernel for terms in self._ruling_out for kernel in terms.kernels),
+            *self.score.all,
+            self._placer.kernel,
+            *(() if self.capacity is None else self.capacity.kernels),
+        )
+
+    @property
+    def static(self) -> bool:
+        """True where arms at rest must hold the object within their torque limits."""
+        return self.cell.problem.constraints.static_torque
+
+    @property
+    def newton(self) -> bool:
+        """True where Newton steps climb the score."""
+        return self.objective.summable
+
+    @property
+    def smooth(self) -> bool:
+        """True where the score is then the objective itself."""
+        return self.objective.summable and not self.objective.non_smooth
+
+    @property
+    def dear(self) -> bool:
+        """True where a climb takes many programs."""
+        return self.objective.costly
 
     @cached_property
     def scene(self) -> Scene:
@@ -179,16 +114,8 @@ class PostureModel:
 
     @cached_property
     def every_body(self) -> Bodies:
-        """The same, to be asked."""
+        """The bodies as they are asked for distances."""
         return self.scene.bodies(self.cell.arms, self.cell.problem.constraints.clearance)
-
-    def _numbers_of(self, cell: Cell, objective: Objective) -> tuple[Holding | None, Array]:
-        """How the object of a cell is held, and an objective's parameters there."""
-        holding = None if self.capacity is None else self.capacity.holding(cell)
-        if isinstance(objective, EllipsoidMeasure):
-            return holding, objective.numbers
-        assert isinstance(objective, LimitsMeasure) and holding is not None
-        return holding, objective.numbers(objective.demands(holding))
 
     @property
     def program(self) -> PostureProgram:
@@ -197,7 +124,7 @@ class PostureModel:
 
     @cached_property
     def places(self) -> Places:
-        """What is free beside the joints, for all cases."""
+        """Coordinates that are free beside the joints, for all cases."""
         cases = tuple(case.name for case in self.cell.problem.cases) or ("",)
         return Places(self.cell, Freedom.of(self.cell.problem), cases)
 
@@ -207,22 +134,29 @@ class PostureModel:
         """
         key = places is not None, apart
         if key not in self._built:
-            numbers = self._numbers
-            if isinstance(self.objective, LimitsMeasure) and self._nominal is not None:
-                demands = self.objective.demands(self._nominal)[: self.objective.programmed]
-                numbers = len(self.objective.numbers(demands))
+            system = self.cell.system
+            terms = [] if apart is None else [apart.term(system)]
+            for constraint in self.feasibility.constraints:
+                term = constraint.term(system, self.capacity)
+                terms += [] if term is None else [term]
+            numbers = self.objective.program_size(self._nominal)
             self._built[key] = PostureProgram(
-                self.cell, self.objective, numbers, self.capacity, places, apart
+                self.cell, self.objective, numbers, self.capacity, terms, places
             )
         return self._built[key]
 
-    def compiled(self, *, wait: bool = False) -> bool:
-        """Whether compiled kernels are in use; what is missing is compiled, see `kernels.build`."""
+    def compiled(self, *, wait: bool = False, again: float = 0.5) -> bool:
+        """True where compiled kernels are in use; what is missing is compiled, see `kernels.build`.
+
+        Args:
+            wait: for the compiler to end.
+            again: s, after which compiled code is looked for anew.
+        """
         if wait or self._looked is None:
             self._looked = time.monotonic()
             return kernels.build(self._kernels, wait=wait)
         # The compiler was set to work once; whether it has ended need not be asked at every call.
-        if not self.compiled_already and time.monotonic() > self._looked + _LOOK_AGAIN:
+        if not self.compiled_already and time.monotonic() > self._looked + again:
             self._looked = time.monotonic()
             for kernel in self._kernels:
                 kernel.load()
@@ -230,7 +164,7 @@ class PostureModel:
 
     @property
     def compiled_already(self) -> bool:
-        """Whether compiled kernels are in use."""
+        """True where compiled kernels are in use."""
         return all(kernel.compiled for kernel in self._kernels)
 
     def setting(self, cell: Cell) -> Setting:
@@ -239,32 +173,51 @@ class PostureModel:
         objective = self.objective
         if self._given is None and cell.problem.objective is not self.cell.problem.objective:
             objective = objective_of(cell)
-        holding, numbers = self._numbers_of(cell, objective)
+        holding = None if self.capacity is None else self.capacity.holding(cell)
+        numbers = objective.parameters(holding)
         weight = np.zeros(len(cell.system.space.balance)) if holding is None else holding.weight
         turns = [cell.turns(i) for i in range(len(cell.arms))]
+        given = np.concatenate([placement.inertia, weight, numbers])
         return Setting(
             cell=cell,
+            numbers=numbers,
+            capacity=self.capacity,
+            holding=holding,
+            bodies=self.bodies,
+            sums=partial(self._sums, placement.ties),
+            grams=partial(self._grams, given),
             objective=objective,
             placement=placement,
-            given=np.concatenate([placement.inertia, weight, numbers]),
+            given=given,
             lower=tuple(
                 np.where(t, -np.inf, low) for t, low in zip(turns, cell.lower, strict=True)
             ),
             upper=tuple(
                 np.where(t, np.inf, high) for t, high in zip(turns, cell.upper, strict=True)
             ),
-            numbers=numbers,
-            holding=holding,
-            held_ties=(
-                () if self._held_placer is None else self._held_placer(cell.parameters).ties
-            ),
-            bodies=self.bodies,
+            ties=tuple(terms.ties(cell) for terms in self._ruling_out),
         )
+
+    def _sums(self, ties: Sequence[Array], q: Sequence[Array]) -> Array:
+        """Sums of the arms' terms, (count, s), of postures by arm, (count, n_i)."""
+        return np.asarray(
+            sum(arm.terms(mine, tie) for arm, mine, tie in zip(self.arms, q, ties, strict=True))
+        )
+
+    def _grams(self, given: Array, sums: Array) -> Array:
+        """G of sums, (count, s), as it is optimised, (count, a, a)."""
+        assert self.score.gram is not None
+        entries = self.score.gram(sums, given)
+        a = len(self.cell.problem.axes)
+        grams = np.empty((len(entries), a, a))
+        rows, columns = np.triu_indices(a)
+        grams[:, rows, columns] = grams[:, columns, rows] = entries
+        return grams
 
     def polisher(
         self, setting: Setting, only: int | None = None, rest: Array | float = 0.0
     ) -> Polisher:
-        """Climbs the score in a setting.
+        """An active-set method that climbs the score in a setting.
 
         Args:
             setting: where the object is.
@@ -296,350 +249,34 @@ class PostureModel:
         return Polisher(crews, self.score, setting.given, rest)
 
     def terms(self, setting: Setting, i: int, q: Array) -> Array:
-        """What arm i adds to the sums that postures are compared by, (count, s), at (count, n)."""
+        """Terms of arm i in the sums by which postures are compared, (count, s), at (count, n)."""
         own = self.arms[i].terms(q, setting.placement.ties[i])
-        return np.hstack([own, self._held[i](q, setting.held_ties[i])]) if self._held else own
-
-    def grams(self, setting: Setting, q: Sequence[Array]) -> Array | None:
-        """G of postures, by arm (count, n_i), as it is optimised, (count, a, a); or None."""
-        if self.score.gram is None:
-            return None
-        ties = setting.placement.ties
-        sums = sum(arm.terms(mine, tie) for arm, mine, tie in zip(self.arms, q, ties, strict=True))
-        return self.grams_of(setting, np.asarray(sums))
-
-    def grams_of(self, setting: Setting, sums: Array) -> Array:
-        """The same of the arms' sums, (count, s)."""
-        assert self.score.gram is not None
-        entries = self.score.gram(sums, setting.given)
-        a = len(setting.cell.problem.axes)
-        grams = np.empty((len(entries), a, a))
-        rows, columns = np.triu_indices(a)
-        grams[:, rows, columns] = grams[:, columns, rows] = entries
-        return grams
+        ruling_out = zip(self._ruling_out, setting.ties, strict=True)
+        return np.hstack([own, *(terms.by_arm[i](q, ties[i]) for terms, ties in ruling_out)])
 
     def objectives(self, setting: Setting, q: Array) -> Array:
-        """The objective at postures, (count, N); NaN or −inf where there is none."""
-        parts = self.split(q)
-        return self._objectives(setting, parts, self.grams(setting, parts))
-
-    def split(self, q: Array) -> list[Array]:
-        """Stacked postures, (count, N), arm by arm."""
-        edges = np.cumsum([arm.n for arm in self.arms])[:-1]
-        return np.split(q, edges, axis=1)
-
-    def objectives_of(self, setting: Setting, sums: Array) -> Array:
-        """The same of the arms' sums, (count, s), where the objective measures an ellipsoid."""
-        return self._of_grams(setting.objective, self.grams_of(setting, sums))
-
-    @staticmethod
-    def _of_grams(objective: Objective, grams: Array | None) -> Array:
-        assert grams is not None and isinstance(objective, EllipsoidMeasure)
-        values = np.full(len(grams), np.nan)
-        sound = np.isfinite(grams).all(axis=(1, 2))
-        values[sound] = objective.of_grams(grams[sound])
-        return values
-
-    def _objectives(self, setting: Setting, q: Sequence[Array], grams: Array | None) -> Array:
-        objective = setting.objective
-        if isinstance(objective, EllipsoidMeasure):
-            return self._of_grams(objective, grams)
-        assert isinstance(objective, LimitsMeasure)
-        assert self.capacity is not None and setting.holding is not None
-        return objective.exact(self.capacity, setting.cell, setting.holding, q)
+        """The objective at postures, (count, N); NaN or −inf where there is none, (count,)."""
+        return setting.objective.values(setting, self.split(q))
 
     def estimates(self, setting: Setting, q: Array) -> Array:
         """The objective at postures, (count, N), or a bound of it that is quicker."""
-        if not isinstance(setting.objective, LimitsMeasure):
-            return self.objectives(setting, q)
-        assert self.capacity is not None and setting.holding is not None
-        return setting.objective.estimates(self.capacity, setting.holding, self.split(q))
+        return setting.objective.estimates(setting, self.split(q))
 
-    def shares(self, setting: Setting, q: Array) -> Array:
-        """The largest share of a torque limit with which postures hold the object, (count,)."""
-        assert self.capacity is not None and setting.holding is not None
-        dynamics = self.capacity.dynamics(setting.holding, self.split(q))
-        return dynamics.shares(setting.holding.hold)
+    def split(self, q: Array) -> list[Array]:
+        """Stacked postures, (count, N), arm by arm."""
+        return self.cell.system.split(q)
 
     def held(self, setting: Setting, q: Array) -> Mask:
-        """Which postures, (count, N), hold the object as ``static_torque`` asks, (count,)."""
-        if not self.static:
-            return np.ones(len(q), dtype=bool)
-        return np.asarray(self.shares(setting, q) <= 1 + HELD)
+        """A mask of postures, see `Feasibility.held`."""
+        return self.feasibility.held(setting, q)
 
     def clear(self, setting: Setting, q: Array) -> Mask:
-        """Which postures, (count, N), keep the clearance, (count,)."""
-        if setting.bodies is None or not len(q):
-            return np.ones(len(q), dtype=bool)
-        return setting.bodies.clear(setting.configurations(self.split(q)))
-
-    def first_apart(self, setting: Setting, optima: Sequence[LocalOptimum]) -> LocalOptimum | None:
-        """The first that keeps the clearance, of as many as are worth the time."""
-        for optimum in optima[:_LOOKED_AT]:
-            if self.clear(setting, optimum.q[None])[0]:
-                return optimum
-        return None
+        """A mask of postures, see `Feasibility.clear`."""
+        return self.feasibility.clear(setting, q)
 
     def allowed(self, setting: Setting, q: Array) -> Mask:
-        """Which postures, (count, N), hold the object and keep the clearance, (count,)."""
-        allowed = self.clear(setting, q)
-        if self.static and allowed.any():
-            allowed[allowed] = self.held(setting, q[allowed])
-        return allowed
-
-    def solve_programs(self, setting: Setting, q: Array) -> Iterator[LocalSolve]:
-        """Runs of IPOPT from postures, (count, N)."""
-        objective, holding = setting.objective, setting.holding
-        if all(arm.fixed for arm in setting.cell.arms):
-            # IPOPT refuses a program without freedom, in which each posture is its own optimum.
-            for start, allowed in zip(q, self.allowed(setting, q), strict=True):
-                yield LocalSolve(start, bool(allowed), "Fixed", {}, 0.0)
-            return
-        if self.capacity is None or holding is None or not isinstance(objective, LimitsMeasure):
-            yield from self._programs(setting, q, None)
-            return
-        demands = self.demands(setting, q)
-        if not objective.dear:
-            ends = self._programs(setting, q, demands)
-            there = self.objectives(setting, np.array([end.q for end in ends]))
-            lost = ~(there >= self.objectives(setting, q) - _LOSS * (1 + np.abs(there)))
-            for start, end, wanted, leave in zip(q, ends, demands, lost, strict=True):
-                # It has left for a worse optimum, or failed.
-                yield self._exchanged(setting, start, wanted) if leave else end
-            return
-        for start, wanted in zip(q, demands, strict=True):
-            yield self._exchanged(setting, start, wanted)
-
-    def _exchanged(self, setting: Setting, start: Array, demands: tuple[Demand, ...]) -> LocalSolve:
-        """Runs of IPOPT until no demand is left out, each better than the one before.
-
-        Demands that a run left out join the next. The first runs go wherever they lead, and the
-        best of their ends counts. Where a later one ends worse than it began, for the demands that
-        count have changed on its way, the next may go less far.
-        """
-        objective, cell, holding = setting.objective, setting.cell, setting.holding
-        assert isinstance(objective, LimitsMeasure)
-        assert self.capacity is not None and holding is not None
-        best, value, room = start, self.objectives(setting, start[None])[0], np.inf
-        lower, upper = setting.bounds
-        end = LocalSolve(start, False, "Singular_Start", {})
-        here = best
-        for k in range(_EXCHANGES):
-            if k >= _WANDER:
-                here = best
-            box = np.maximum(lower, here - room), np.minimum(upper, here + room)
-            found = self._programs(setting, here[None], [demands], box)[0]
-            if not found.converged:
-                break
-            parts = self.split(found.q[None])
-            there = objective.exact(self.capacity, cell, holding, parts)[0]
-            more = self.tightened(setting, found.q[None], demands)
-            far, here = float(np.abs(found.q - here).max()), found.q
-            if there > value or (more is None and not end.converged and far < _NO_ROOM):
-                best, value, end = found.q, there, found
-                if more is None and far < room * (1 - 1e-6):
-                    break
-            elif k >= _WANDER:
-                room = min(room, far) * _NEARER
-                if room < _NO_ROOM:
-                    break
-            demands = demands if more is None else more
-        return end
-
-    def _programs(
-        self,
-        setting: Setting,
-        q: Array,
-        demands: Sequence[Sequence[Demand]] | None,
-        bounds: tuple[Array, Array] | None = None,
-    ) -> list[LocalSolve]:
-        """The same with the demands of each start, where the objective has some.
-
-        What ends touching bodies and near the best is followed along them.
-        """
-        bounds = setting.bounds if bounds is None else bounds
-        numbers, beside = self.given(setting, q, demands)
-        ends, best = [], -np.inf
-        for k, start in enumerate(q):
-            stage("polishing", k, len(q))
-            ends.append(self._climb(setting, start, numbers[k], beside[k], bounds, best))
-            if ends[k].converged:
-                best = max(best, self.objectives(setting, ends[k].q[None])[0])
-        if setting.bodies is None:
-            return ends
-        values = self.objectives(setting, np.array([end.q for end in ends]))
-        most = _NEAR_BEST * max(1.0, abs(best))
-        for k in np.argsort(-values, kind="stable"):
-            if ends[k].converged and not values[k] < best - most:
-                ends[k] = self._followed(setting, ends[k], numbers[k], beside[k], bounds)
-                end = self.objectives(setting, ends[k].q[None])[0]
-                # What the best has gained says how much others may.
-                best, most = max(best, end), min(most, _HOPE * (end - values[k]))
-        return ends
-
-    def _climb(
-        self,
-        setting: Setting,
-        start: Array,
-        numbers: Array,
-        beside: Array,
-        bounds: tuple[Array, Array],
-        best: float,
-    ) -> LocalSolve:
-        """A run of IPOPT from a posture, (N,), or as many as it takes to keep bodies apart.
-
-        Rows hold at every start, so that no program is without a feasible point.
-        """
-        bodies, known, value = setting.bodies, None, -np.inf
-        cuts, room, met = self.near(setting, start), np.inf, set[int]()
-        for _ in range(_COLLISIONS):
-            box = np.maximum(bounds[0], start - room), np.minimum(bounds[1], start + room)
-            end = self._run(setting, cuts, start, numbers, beside, box)
-            if not end.converged:
-                return end if known is None else known
-            there = self.objectives(setting, end.q[None])[0]
-            # Where a run is dear: what keeps clear of more will hardly be better.
-            if self.capacity is not None and known is None and not there > best:
-                return replace(end, converged=False, status="Below_Best")
-            if bodies is None:
-                return end
-            before, x = setting.configurations(self.split(np.array([start, end.q])))
-            touching = bodies.witnesses(x, bodies.clearance + TOUCHING)
-            hit = [each for each in touching if each.distance < bodies.clearance]
-            far = np.abs(end.q - start).max()
-            if hit:
-                if known is None and there < best - _NEAR_BEST * max(1.0, abs(best)):
-                    return replace(end, converged=False, status="Below_Best")
-                # What it has run into joins the pairs that matter; where that has not been enough
-                # it may go half as far.
-                pairs = {each.pair for each in hit}
-                if pairs & met:
-                    room = far / 2
-                met |= pairs
-                hold = rows_of(bodies, hit, before) >= bodies.clearance + SPARE
-                cuts += tuple(each for each, holds in zip(hit, hold, strict=True) if holds)
-                cuts += tuple(
-                    bodies.witnesses(before, np.inf, np.array(sorted(pairs)), roughly=True)
-                )
-                continue
-            if known is not None and not there > value:
-                return known
-            if far < room and not held_back(bodies, cuts, x, touching):
-                return end
-            # A row of where it came from is in the way, and no body.
-            known, value, start = end, there, end.q
-            cuts, room, met = self.near(setting, start), np.inf, set()
-        return replace(end, converged=False, status="Collision") if known is None else known
-
-    def _followed(
-        self,
-        setting: Setting,
-        end: LocalSolve,
-        numbers: Array,
-        beside: Array,
-        bounds: tuple[Array, Array],
-    ) -> LocalSolve:
-        """Where bodies that a climb has ended at lead it.
-
-        Rows are exact to first order where their points are witnesses: from there they are made
-        anew until that gains nothing.
-        """
-        bodies = setting.bodies
-        assert bodies is not None
-        value = self.objectives(setting, end.q[None])[0]
-        for _ in range(_COLLISIONS):
-            x = setting.configurations(self.split(end.q[None]))[0]
-            if not bodies.witnesses(x, bodies.clearance + TOUCHING):
-                break
-            cuts = self.near(setting, end.q)
-            found = self._run(setting, cuts, end.q, numbers, beside, bounds, EXACT - SPARE)
-            gain = self.objectives(setting, found.q[None])[0] - value
-            if not (found.converged and gain > 0 and self.clear(setting, found.q[None])[0]):
-                break
-            end, value = found, value + gain
-            if gain < _GAIN:
-                break
-        return end
-
-    def near(self, setting: Setting, q: Array) -> tuple[Witness, ...]:
-        """Bodies that matter to a program that starts at a posture, (N,), the nearest first."""
-        near = of_two(self._witnesses(setting, q, MATTERS))
-        return near or of_two(self._witnesses(setting, q, _FARTHER, roughly=True))[:ROWS]
-
-    def runs_into(self, setting: Setting, q: Array) -> tuple[Witness, ...]:
-        """Bodies that a program has let come too near at its end, (N,)."""
-        return self._witnesses(setting, q, 0.0)
-
-    def _witnesses(
-        self, setting: Setting, q: Array, beyond: float, *, roughly: bool = False
-    ) -> tuple[Witness, ...]:
-        bodies = setting.bodies
-        if bodies is None:
-            return ()
-        x = setting.configurations(self.split(q[None]))[0]
-        return tuple(bodies.witnesses(x, bodies.clearance + beyond, roughly=roughly))
-
-    def apart(self, cuts: Sequence[Sequence[Witness]]) -> Apart | None:
-        """Rows of a program that keep bodies apart, enough for any of some postures."""
-        return None if self.bodies is None else Apart.of(self.bodies, cuts)
-
-    def kept_apart(
-        self, apart: Apart | None, cuts: Sequence[Witness], margin: float = 0.0
-    ) -> Array:
-        """The parameters of these rows, with so much more than the clearance, m."""
-        if apart is None or self.bodies is None:
-            return np.zeros(0)
-        return apart.given(self.bodies, cuts, margin)
-
-    def _run(
-        self,
-        setting: Setting,
-        cuts: Sequence[Witness],
-        start: Array,
-        numbers: Array,
-        beside: Array,
-        bounds: tuple[Array, Array],
-        margin: float = 0.0,
-    ) -> LocalSolve:
-        if not np.all(np.isfinite(beside)):
-            return LocalSolve(start, False, "Singular_Start", {})
-        apart = self.apart([cuts])
-        given = np.concatenate([numbers, self.kept_apart(apart, cuts, margin)])
-        place = Given(setting.cell.parameters, given, beside)
-        return self.built(None, apart).solve(start, [place], *bounds)
-
-    def given(
-        self, setting: Setting, q: Array, demands: Sequence[Sequence[Demand]] | None
-    ) -> tuple[list[Array], Array]:
-        """Numbers of programs that start at postures, (count, N), and where what they have beside
-        the joints starts, (count, v); not finite where that cannot be said.
-        """
-        objective, holding = setting.objective, setting.holding
-        numbers, beside = [setting.numbers] * len(q), [np.zeros((len(q), 0))]
-        if self.capacity is not None and holding is not None:
-            parts = self.split(q)
-            if isinstance(objective, LimitsMeasure) and demands is not None:
-                numbers = [objective.numbers(wanted) for wanted in demands]
-                beside.append(objective.starts(self.capacity, holding, parts, demands))
-            if self.static:
-                beside.append(self.capacity.resting(holding, parts))
-        return numbers, np.hstack(beside)
-
-    def demands(self, setting: Setting, q: Array) -> list[tuple[Demand, ...]]:
-        """What counts of an objective's demands at postures, (count, N)."""
-        objective, holding = setting.objective, setting.holding
-        assert isinstance(objective, LimitsMeasure)
-        assert self.capacity is not None and holding is not None
-        return objective.nearest(self.capacity, setting.cell, holding, self.split(q))
-
-    def tightened(
-        self, setting: Setting, q: Array, demands: Sequence[Demand]
-    ) -> tuple[Demand, ...] | None:
-        """See `LimitsMeasure.tightened`, at a posture, (1, N)."""
-        objective, holding = setting.objective, setting.holding
-        assert isinstance(objective, LimitsMeasure)
-        assert self.capacity is not None and holding is not None
-        return objective.tightened(self.capacity, setting.cell, holding, self.split(q), demands)
+        """A mask of postures, see `Feasibility.allowed`."""
+        return self.feasibility.allowed(setting, q)
 
     @cached_property
     def links(self) -> tuple[LinkRecord, ...]:
@@ -656,9 +293,9 @@ class PostureModel:
         cell = setting.cell
         meter = self.meter.toward(setting.objective)
         measured = meter.measure(cell, joints, everything=everything)
-        if self.bodies is None:
-            return measured
-        return with_collision(cell, measured, self.bodies)
+        if self.bodies is not None:
+            measured = with_collision(cell, measured, self.bodies)
+        return noted(measured, self.feasibility.constraints)
 
     def overlap(self, cell: Cell, joints: Sequence[Array]) -> tuple[str, ...]:
         """A note where bodies overlap at a posture, by arm (n_i,), that nothing keeps apart."""
@@ -671,7 +308,7 @@ class PostureModel:
             return ()
 
     def measures(self, setting: Setting, q: Sequence[Array]) -> Measures:
-        """What postures are worth, by arm (count, n_i)."""
+        """Measured values of postures, by arm (count, n_i)."""
         space = setting.cell.system.space
         errors = {}
         for i, (arm, kernels_, mine) in enumerate(
@@ -679,6 +316,30 @@ class PostureModel:
         ):
             gaps = kernels_.gap(mine, setting.placement.goals[i])
             errors[arm.name] = closure_errors(gaps[:, list(space.linear)], gaps[:, 3:], space.rigid)
-        grams = self.grams(setting, q)
-        share = self.shares(setting, np.hstack(q)) if self.static else None
-        return Measures(self._objectives(setting, q, grams), grams, errors, share)
+        values, grams = setting.objective.values_and_grams(setting, q)
+        shares = [constraint.shares(setting, q) for constraint in self.feasibility.constraints]
+        share = next((each for each in shares if each is not None), None)
+        return Measures(values, grams, errors, share)
+
+
+class _SummedTerms:
+    """The terms of arms in the sums of a constraint, by kernels of their own.
+
+    Attributes:
+        kernels: by model.
+        by_arm: the same by arm.
+    """
+
+    def __init__(self, cell: Cell, sums: Sums) -> None:
+        """Write it down."""
+        models: dict[bytes, Kernel] = {}
+        for mechanics in cell.system.arms:
+            if mechanics.arm.fingerprint not in models:
+                models[mechanics.arm.fingerprint] = terms_kernel(mechanics, sums)
+        self.kernels = tuple(models.values())
+        self.by_arm = tuple(models[arm.fingerprint] for arm in cell.arms)
+        self._placer = KernelInputsBuilder(cell.system, sums, cell.counted_limits)
+
+    def ties(self, cell: Cell) -> tuple[Array, ...]:
+        """Inputs of the kernels where the object is, by arm."""
+        return self._placer(cell.parameters).ties

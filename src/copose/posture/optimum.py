@@ -1,4 +1,4 @@
-"""Where climbs end."""
+"""Local optima, where climbs end."""
 
 from __future__ import annotations
 

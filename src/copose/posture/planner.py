@@ -23,11 +23,13 @@ from copose.posture.evaluation import faults
 from copose.posture.landscape.branches import held_postures
 from copose.posture.landscape.curve_values import self_motions
 from copose.posture.landscape.objective_map import Landscape, landscape
-from copose.posture.model import PostureModel, Setting
+from copose.posture.local.nlp_cuts import NlpCuts
+from copose.posture.model import PostureModel
 from copose.posture.placement.run import PlacedRun
 from copose.posture.placement.search import Placed
 from copose.posture.reachable.reachability import rails_of
 from copose.posture.run.run import EffortName, Run
+from copose.posture.setting import Setting
 from copose.posture.solution import answer, unfound
 from copose.problem import Problem, same_structure
 from copose.progress import StoppedError, Tell, sheltered, stage, watched
@@ -229,12 +231,12 @@ class Planner:
             q.append(end)
             gaps.append(gap[0])
         start = np.hstack(q)
-        if model.smooth and not model.static:
+        if model.smooth and not model.feasibility.judged:
             polished = model.polisher(setting).polish(start)
             end, value, error = polished.q[0], polished.value[0], polished.error[0]
             converged = bool(polished.converged[0])
         else:
-            solved = next(model.solve_programs(setting, start))
+            solved = next(NlpCuts(model).solve(setting, start))
             end, error, converged = solved.q, solved.optimality, solved.converged
             value, kept = model.objectives(setting, np.vstack([end, start]))
             if not value >= kept:

@@ -11,7 +11,7 @@ from copose.cell.cell import Cell
 from copose.cell.freedom import Freedom
 from copose.cell.notes import extreme_notes, once, standing_notes
 from copose.measurement.meter import Measurement
-from copose.objectives.ellipsoid_measures import Objective
+from copose.objectives.objective import Objective
 from copose.posture.placement.search import Placed
 from copose.progress import StoppedError
 from copose.results import (

@@ -1,4 +1,4 @@
-"""Where the arms of a problem are before anything is solved."""
+"""Starts of the arms of a problem, before anything is solved."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def starts(cell: Cell) -> tuple[ArmStart, ...]:
 
 
 def _drawn(cell: Cell, kernels: ArmKernels, i: int, goal: Array) -> Array:
-    """What the seed gives arm i, (n,)."""
+    """The posture that the seed gives arm i, (n,)."""
     effort, rng = EFFORTS["normal"], np.random.default_rng([cell.problem.search.seed, i])
     sampler = ArmSampler(cell, kernels, i, goal)
     sample = sampler.sample(rng, effort.batch, 1, effort.loops, effort.insistence)

@@ -17,11 +17,7 @@ from copose.problem.file.reading import (
     read_text,
     tables_in,
 )
-from copose.problem.objectives import (
-    AccelerationObjective,
-    PayloadObjective,
-    TaskCompatibilityObjective,
-)
+from copose.problem.objectives import OBJECTIVE_TABLES
 from copose.problem.objects import (
     CapsuleShape,
     Obstacle,
@@ -36,16 +32,15 @@ from copose.problem.spec import SCHEMA, ConstraintsSpec, PlanarProblem, Problem,
 from copose.problem.structure import same_structure
 
 __all__ = [
+    "OBJECTIVE_TABLES",
     "SCHEMA",
     "SPACES",
-    "AccelerationObjective",
     "ArmSpec",
     "CapsuleShape",
     "CaseSpec",
     "ConstraintsSpec",
     "Obstacle",
     "PathSpec",
-    "PayloadObjective",
     "PlanarArm",
     "PlanarObject",
     "PlanarObstacle",
@@ -58,7 +53,6 @@ __all__ = [
     "SpaceName",
     "SpatialObject",
     "SpatialProblem",
-    "TaskCompatibilityObjective",
     "Waypoint",
     "aimed",
     "case_problems",

@@ -1,13 +1,17 @@
-"""What is wanted: the ellipsoid, the objective on it, the world it is in."""
+"""Tables of a problem file that say what is wanted: the ellipsoid, the objective, the world."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
 from copose.errors import shown
-from copose.problem.fields import Direction, Number, Pair, Spec, Triple, not_zero
+from copose.problem.fields import Direction, Number, Pair, Spec, Triple, fault, not_zero
+
+if TYPE_CHECKING:
+    from copose.problem.cases import CaseSpec
+    from copose.problem.spec import Problem
 
 
 class EllipsoidSpec(Spec):
@@ -47,8 +51,8 @@ class PlanarWorldSpec(Spec):
     gravity: Pair = (0.0, 0.0)
 
 
-class EllipsoidObjective(Spec):
-    """What objectives on the ellipsoid have in common: a coordinate slice of the task space.
+class ObjectiveTable(Spec):
+    """An objective of any kind, on a coordinate slice of the task space.
 
     Attributes:
         kind: what is maximised.
@@ -58,23 +62,67 @@ class EllipsoidObjective(Spec):
 
     axes: tuple[str, ...] | None = None
 
+    torque_limited: ClassVar[bool] = False
+    """True where torque limits on every joint decide the value, and no unit ball."""
+    kinematic: ClassVar[bool] = False
+    """True where the value depends on no mass."""
+    adds_coordinates: ClassVar[bool] = True
+    """True where linear and angular coordinates are added up, so that the unit of length counts."""
+    shares_load: ClassVar[bool] = False
+    """True where a generalised inverse shares the load whatever the resolution."""
+    directed: ClassVar[bool] = False
+    """True where a case may give a direction of its own."""
 
-class VolumeObjective(EllipsoidObjective):
+    @property
+    def wanted(self) -> tuple[tuple[float, ...], ...]:
+        """Directions whose radii are told, as in the file."""
+        return ()
+
+    @property
+    def pointed(self) -> tuple[tuple[float, ...], ...]:
+        """Directions that a picture points along, as in the file."""
+        return self.wanted
+
+    @property
+    def structure(self) -> Self:
+        """This objective without the numbers that programs take as parameters."""
+        return self
+
+    def along(self, direction: tuple[float, ...]) -> Self:
+        """This objective along one other direction, where it is `directed`."""
+        return self.model_copy(update={"direction": direction})
+
+    def check_axes(self) -> None:
+        """Refuse axes, of which there are some, that the kind cannot have in any space."""
+
+    def check(self, problem: Problem) -> None:
+        """Refuse keys that do not fit each other or the problem; its axes are legal already."""
+
+    def check_case(self, case: CaseSpec, key: str) -> None:
+        """Refuse what a case changes to no effect."""
+
+
+class VolumeObjective(ObjectiveTable):
     """The log-volume of the ellipsoid."""
 
     kind: Literal["volume"] = "volume"
 
 
-class WorstDirectionObjective(EllipsoidObjective):
+class WorstDirectionObjective(ObjectiveTable):
     """The shortest semi-axis of the ellipsoid."""
 
     kind: Literal["worst-direction"]
 
 
-class IsotropyObjective(EllipsoidObjective):
+class IsotropyObjective(ObjectiveTable):
     """Shortest over longest semi-axis of the ellipsoid."""
 
     kind: Literal["isotropy"]
+
+    def check_axes(self) -> None:
+        """More than one."""
+        if self.axes is not None and len(self.axes) == 1:
+            raise fault("objective.axes", "has one entry, whose isotropy is always 1; name more")
 
 
 class WeightedDirection(Spec):
@@ -89,7 +137,7 @@ class WeightedDirection(Spec):
     weight: Annotated[Number, AfterValidator(not_zero)] = 1.0
 
 
-class TaskCompatibilityObjective(EllipsoidObjective):
+class TaskCompatibilityObjective(ObjectiveTable):
     """Σ w log d(u) over directions u.
 
     Attributes:
@@ -99,17 +147,43 @@ class TaskCompatibilityObjective(EllipsoidObjective):
     kind: Literal["task-compatibility"]
     directions: Annotated[tuple[WeightedDirection, ...], Field(min_length=1, max_length=64)]
 
+    directed = True
 
-class VelocityVolumeObjective(EllipsoidObjective):
+    @property
+    def wanted(self) -> tuple[tuple[float, ...], ...]:
+        """All of its directions."""
+        return tuple(each.direction for each in self.directions)
+
+    @property
+    def structure(self) -> Self:
+        """The number of its directions."""
+        unit = WeightedDirection.model_construct(direction=(), weight=1.0)
+        return self.model_copy(update={"directions": (unit,) * len(self.directions)})
+
+    def along(self, direction: tuple[float, ...]) -> Self:
+        """This objective along one direction, with weight 1."""
+        return self.model_copy(update={"directions": (WeightedDirection(direction=direction),)})
+
+    def check(self, problem: Problem) -> None:
+        """Directions that fit the axes."""
+        for i, direction in enumerate(self.wanted):
+            problem.check_direction(direction, f"objective.directions[{i}].direction")
+
+
+class VelocityVolumeObjective(ObjectiveTable):
     """The log-volume of the closed chain's velocity ellipsoid."""
 
     kind: Literal["velocity-volume"]
 
+    kinematic, adds_coordinates = True, False
 
-class ForceVolumeObjective(EllipsoidObjective):
+
+class ForceVolumeObjective(ObjectiveTable):
     """The log-volume of the ellipsoid of external wrenches, shared by W⁺."""
 
     kind: Literal["force-volume"]
+
+    kinematic, adds_coordinates, shares_load = True, False, True
 
 
 class PlainDirection(Spec):
@@ -148,7 +222,7 @@ def _as_directions(value: Any) -> Any:
     return tuple({"direction": entry} if isinstance(entry, tuple) else entry for entry in value)
 
 
-class AccelerationObjective(EllipsoidObjective):
+class AccelerationObjective(ObjectiveTable):
     """The largest acceleration along a direction; of several directions the smallest counts.
 
     Attributes:
@@ -166,6 +240,8 @@ class AccelerationObjective(EllipsoidObjective):
         WithJsonSchema(_DIRECTIONS),
     ] = None
 
+    torque_limited = directed = True
+
     @property
     def wanted(self) -> tuple[tuple[float, ...], ...]:
         """Its directions, however they are given."""
@@ -173,8 +249,28 @@ class AccelerationObjective(EllipsoidObjective):
             return (self.direction,)
         return tuple(entry.direction for entry in self.directions or ())
 
+    @property
+    def structure(self) -> Self:
+        """The coordinates that each direction has, on which its unit depends."""
+        pattern = tuple(tuple(bool(x) for x in u) for u in self.wanted)
+        return self.model_copy(update={"direction": pattern, "directions": None})
 
-class PayloadObjective(EllipsoidObjective):
+    def along(self, direction: tuple[float, ...]) -> Self:
+        """This objective along one direction in place of one or several."""
+        return self.model_copy(update={"direction": direction, "directions": None})
+
+    def check(self, problem: Problem) -> None:
+        """One direction or several, that fit the axes."""
+        if (self.direction is None) == (self.directions is None):
+            both = "one of direction and directions, not both, is"
+            raise fault("objective.direction", f"{both} needed for acceleration")
+        if self.direction is not None:
+            problem.check_direction(self.direction, "objective.direction")
+        for i, entry in enumerate(self.directions or ()):
+            problem.check_direction(entry.direction, f"objective.directions[{i}].direction")
+
+
+class PayloadObjective(ObjectiveTable):
     """The largest mass that can be held at rest, or accelerated along a direction.
 
     Attributes:
@@ -186,11 +282,57 @@ class PayloadObjective(EllipsoidObjective):
     acceleration: Number | None = None
     direction: Direction | None = None
 
+    torque_limited = directed = True
 
-class AllRoundObjective(EllipsoidObjective):
+    @property
+    def pointed(self) -> tuple[tuple[float, ...], ...]:
+        """The direction of the acceleration."""
+        return () if self.direction is None else (self.direction,)
+
+    @property
+    def structure(self) -> Self:
+        """Rest or motion."""
+        given = self.direction is not None
+        return self.model_copy(update={"direction": given, "acceleration": None})
+
+    def check(self, problem: Problem) -> None:
+        """Gravity, and neither or both of acceleration and direction."""
+        given = "direction" if self.acceleration is None else "acceleration"
+        missing = "acceleration" if given == "direction" else "direction"
+        if (self.direction is None) != (self.acceleration is None):
+            raise fault(
+                f"objective.{missing}",
+                f"missing; {given} beside it says how the mass is to be accelerated",
+            )
+        if self.direction is not None:
+            problem.check_direction(self.direction, "objective.direction")
+        if not any(problem.world.gravity):
+            raise fault("world.gravity", "is 0; payload needs gravity")
+
+    def check_case(self, case: CaseSpec, key: str) -> None:
+        """No mass; a direction only beside an acceleration."""
+        if case.mass is not None:
+            raise fault(f"{key}.mass", "has no effect: objective 'payload' is about any mass")
+        if case.direction is not None and self.acceleration is None:
+            raise fault(f"{key}.direction", "needs acceleration in [objective] beside it")
+
+
+class AllRoundObjective(ObjectiveTable):
     """The radius of the largest ball of accelerations around rest."""
 
     kind: Literal["all-round"]
+
+    torque_limited = True
+
+    def check(self, problem: Problem) -> None:
+        """Axes of one kind."""
+        space = problem.space
+        if set(problem.axes) & set(space.linear) and set(problem.axes) & set(space.angular):
+            raise fault(
+                "objective.axes",
+                "mixes linear and angular accelerations; all-round needs axes of one kind, "
+                "such as " + str([space.coordinates[i] for i in space.linear]),
+            )
 
 
 def _objective_kind(value: Any) -> str:
@@ -210,3 +352,7 @@ ObjectiveSpec: TypeAlias = Annotated[
     | Annotated[ForceVolumeObjective, Tag("force-volume")],
     Discriminator(_objective_kind),
 ]
+
+OBJECTIVE_TABLES: dict[str, type[ObjectiveTable]] = {
+    tag.tag: table for table, tag in map(get_args, get_args(get_args(ObjectiveSpec)[0]))
+}

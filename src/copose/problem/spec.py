@@ -22,12 +22,9 @@ from copose.problem.arms import ArmSpec, PlanarArm, RobotArm
 from copose.problem.cases import Case, CaseSpec, PlanarCase
 from copose.problem.fields import FolderName, NotNegative, Positive, Spec, Text, fault, whole
 from copose.problem.objectives import (
-    AccelerationObjective,
     EllipsoidSpec,
     ObjectiveSpec,
-    PayloadObjective,
     PlanarWorldSpec,
-    TaskCompatibilityObjective,
     VolumeObjective,
     WorldSpec,
 )
@@ -143,7 +140,7 @@ class Problem(Displayed, Spec):
         if driven is None:
             # The shortest motion keeps whatever torque limits there are.
             driven = self.path is not None and self.path.duration == "shortest"
-        return self.objective.kind in ("velocity-volume", "force-volume") and not (held or driven)
+        return self.objective.kinematic and not (held or driven)
 
     @field_validator("arms", "obstacles", "cases", check_fields=False)
     @classmethod
@@ -175,10 +172,7 @@ class Problem(Displayed, Spec):
         names = self.objective.axes
         if names is not None:
             self._check_axes(names)
-        if isinstance(self.objective, TaskCompatibilityObjective):
-            for i, weighted in enumerate(self.objective.directions):
-                self._check_direction(weighted.direction, f"objective.directions[{i}].direction")
-        self._check_limits_objective()
+        self.objective.check(self)
         for i, case in enumerate(self.cases):
             self._check_case(case, f"cases[{i}]")
         return self
@@ -220,59 +214,21 @@ class Problem(Displayed, Spec):
         return self
 
     def _check_case(self, case: CaseSpec, key: str) -> None:
-        if case.mass is not None and isinstance(self.objective, PayloadObjective):
-            raise fault(f"{key}.mass", "has no effect: objective 'payload' is about any mass")
+        self.objective.check_case(case, key)
         if case.direction is None:
             return
-        kind = self.objective.kind
-        if kind not in ("task-compatibility", "acceleration", "payload"):
+        if not self.objective.directed:
+            kind = self.objective.kind
             raise fault(f"{key}.direction", f"objective {kind!r} has no direction")
-        if isinstance(self.objective, PayloadObjective) and self.objective.acceleration is None:
-            raise fault(f"{key}.direction", "needs acceleration in [objective] beside it")
         if len(getattr(self.objective, "directions", None) or ()) > 1:
             raise fault(f"{key}.direction", "replaces one direction, but [objective] has several")
-        self._check_direction(case.direction, f"{key}.direction")
-
-    def _check_limits_objective(self) -> None:
-        objective = self.objective
-        if isinstance(objective, AccelerationObjective):
-            if (objective.direction is None) == (objective.directions is None):
-                both = "one of direction and directions, not both, is"
-                raise fault("objective.direction", f"{both} needed for acceleration")
-            if objective.direction is not None:
-                self._check_direction(objective.direction, "objective.direction")
-            for i, entry in enumerate(objective.directions or ()):
-                self._check_direction(entry.direction, f"objective.directions[{i}].direction")
-        elif isinstance(objective, PayloadObjective):
-            given = "direction" if objective.acceleration is None else "acceleration"
-            missing = "acceleration" if given == "direction" else "direction"
-            if (objective.direction is None) != (objective.acceleration is None):
-                raise fault(
-                    f"objective.{missing}",
-                    f"missing; {given} beside it says how the mass is to be accelerated",
-                )
-            if objective.direction is not None:
-                self._check_direction(objective.direction, "objective.direction")
-            if not any(self.world.gravity):
-                raise fault("world.gravity", "is 0; payload needs gravity")
-        elif objective.kind == "all-round":
-            kinds = (
-                set(self.axes) & set(self.space.linear),
-                set(self.axes) & set(self.space.angular),
-            )
-            if all(kinds):
-                raise fault(
-                    "objective.axes",
-                    "mixes linear and angular accelerations; all-round needs axes of one kind, "
-                    "such as " + str([self.space.coordinates[i] for i in self.space.linear]),
-                )
+        self.check_direction(case.direction, f"{key}.direction")
 
     def _check_axes(self, names: tuple[str, ...]) -> None:
         legal = self.space.coordinates
         if not names:
             raise fault("objective.axes", f"is empty; allowed: {', '.join(legal)}")
-        if self.objective.kind == "isotropy" and len(names) == 1:
-            raise fault("objective.axes", "has one entry, whose isotropy is always 1; name more")
+        self.objective.check_axes()
         for i, name in enumerate(names):
             if name not in legal:
                 raise fault(
@@ -283,7 +239,8 @@ class Problem(Displayed, Spec):
             if name in names[:i]:
                 raise fault(f"objective.axes[{i}]", f"{shown(name)} is named twice")
 
-    def _check_direction(self, direction: tuple[float, ...], key: str) -> None:
+    def check_direction(self, direction: tuple[float, ...], key: str) -> None:
+        """Refuse a direction of the file that does not fit the axes."""
         m, a = self.space.m, len(self.axes)
         if len(direction) not in (m, a):
             wanted = f"{m}" if a == m else f"{m} or {a}"

@@ -4,13 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from copose.problem.objectives import (
-    AccelerationObjective,
-    ObjectiveSpec,
-    PayloadObjective,
-    TaskCompatibilityObjective,
-    WeightedDirection,
-)
 from copose.problem.spec import Problem
 
 
@@ -42,7 +35,7 @@ def _structure(problem: Problem, movable: bool) -> dict[str, Any]:
         "object": thing.model_copy(update=neutral),
         "arms": arms,
         "ellipsoid": problem.ellipsoid,
-        "objective": _aim(problem.objective),
+        "objective": problem.objective.structure,
         "world": problem.world,
         "constraints": problem.constraints,
         "obstacles": problem.obstacles,
@@ -50,18 +43,3 @@ def _structure(problem: Problem, movable: bool) -> dict[str, Any]:
         "reachable": problem.search.reachable,
         "folder": None if problem.source is None else problem.source.parent,
     }
-
-
-def _aim(objective: ObjectiveSpec) -> ObjectiveSpec:
-    """An objective without the numbers of its directions."""
-    if isinstance(objective, TaskCompatibilityObjective):
-        unit = WeightedDirection.model_construct(direction=(), weight=1.0)
-        return objective.model_copy(update={"directions": (unit,) * len(objective.directions)})
-    if isinstance(objective, AccelerationObjective):
-        # Its unit depends on which coordinates a direction has.
-        pattern = tuple(tuple(bool(x) for x in u) for u in objective.wanted)
-        return objective.model_copy(update={"direction": pattern, "directions": None})
-    if isinstance(objective, PayloadObjective):
-        given = objective.direction is not None
-        return objective.model_copy(update={"direction": given, "acceleration": None})
-    return objective

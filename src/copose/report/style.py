@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias
 
+from copose.problem import OBJECTIVE_TABLES
 from copose.results import CasePosture, Motion, Posture, ProblemRecord, Solution
 
 Answer: TypeAlias = Solution | Motion
@@ -58,7 +59,7 @@ LINEAR_AXES = {"x": 0, "y": 1, "z": 2}
 ANGULAR_AXES = {"roll": 0, "pitch": 1, "yaw": 2, "angle": 2}
 
 # Kinds of objectives that torque limits decide.
-LIMITED = ("acceleration", "payload", "all-round")
+LIMITED = tuple(kind for kind, table in OBJECTIVE_TABLES.items() if table.torque_limited)
 
 # A tip farther than this from its grasp, m or rad, does not hold the object.
 OPEN = 1e-6

@@ -8,12 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from copose.poses import Array, Pose
-from copose.problem import (
-    AccelerationObjective,
-    PayloadObjective,
-    Problem,
-    TaskCompatibilityObjective,
-)
+from copose.problem import Problem
 from copose.report import style
 from copose.viewer.meshes import creased
 from copose.viewer.names import node
@@ -27,18 +22,6 @@ if TYPE_CHECKING:
 _SHARE = 0.28
 # Radius of one that goes round, alike.
 _ROUND = 0.1
-
-
-def directions_of(problem: Problem) -> tuple[tuple[float, ...], ...]:
-    """The directions that a problem's objective names, as in the file."""
-    objective = problem.objective
-    if isinstance(objective, TaskCompatibilityObjective):
-        return tuple(each.direction for each in objective.directions)
-    if isinstance(objective, AccelerationObjective):
-        return objective.wanted
-    if isinstance(objective, PayloadObjective) and objective.direction is not None:
-        return (objective.direction,)
-    return ()
 
 
 class Aims:

@@ -12,7 +12,7 @@ from copose.problem import Problem
 from copose.report import style
 from copose.results import Posture
 from copose.robots import Arm
-from copose.viewer.aims import Aims, directions_of
+from copose.viewer.aims import Aims
 from copose.viewer.bodies import body, object_pose
 from copose.viewer.camera import Camera, first_camera
 from copose.viewer.exact import ExactSets
@@ -75,7 +75,7 @@ class CellScene:
         self.slices = Slices(scene, problem, [arm.name for arm in arms])
         self._exact = ExactSets(scene, limits=problem.ellipsoid.torque_scaling == "limits")
         self.aims = Aims(scene, problem)
-        self.aims.point(directions_of(problem))
+        self.aims.point(problem.objective.pointed)
         self.obstacles = {each.name: add_obstacle(scene, each) for each in problem.obstacles}
         self._hands = Hands(scene, arms, rigid=problem.space.rigid)
         self._world = scene.add_frame(node("world"))

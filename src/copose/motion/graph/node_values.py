@@ -12,7 +12,6 @@ from copose.cell.dynamics import CellDynamics
 from copose.constraints.clearance import in_the_way
 from copose.motion.graph.roadmap import Roadmap
 from copose.motion.path.knots import Course
-from copose.objectives.ellipsoid_measures import EllipsoidMeasure
 from copose.poses import Array, Indices, Mask
 from copose.posture.model import PostureModel
 from copose.posture.search.clear_samples import alone_clear, kept_apart
@@ -158,12 +157,11 @@ class NodeValues:
         self.combinations += len(sums)
         values = model.score.value(sums, setting.given)[:, 0]
         values = np.where(np.isfinite(values) & (values > _UNHELD), values, -np.inf)
-        if isinstance(setting.objective, EllipsoidMeasure) and not model.smooth:
+        if setting.objective.summable and setting.objective.non_smooth:
             # The stand-in without kinks has another scale.
             held = np.isfinite(values)
             own = setting.objective.sums.size(setting.cell.system.space)
-            grams = model.grams_of(setting, sums[held, :own])
-            values[held] = setting.objective.of_grams(grams)
+            values[held] = setting.objective.values_of_sums(setting, sums[held, :own])
         return values
 
 

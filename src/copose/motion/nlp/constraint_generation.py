@@ -11,18 +11,20 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from copose.capability.torque_limits import Demand
 from copose.collision import Witness
 from copose.constraints.clearance import of_two
+from copose.constraints.table import constraints_of
 from copose.motion.dynamics.rates import JointRates
 from copose.motion.nlp.clearance_rows import ClearanceRows
 from copose.motion.nlp.knot import OVER, Form, KnotNlp
 from copose.motion.nlp.motion_nlp import MotionProgram, Multipliers, Solved, Task
 from copose.motion.nlp.starts import started
 from copose.motion.path.knots import Course
-from copose.objectives.limits_measures import LimitsMeasure
+from copose.objectives.objective import Cuts
 from copose.poses import Array, Mask
-from copose.posture.model import MATTERS, PostureModel, Setting
+from copose.posture.local.nlp_cuts import CutOptions
+from copose.posture.model import PostureModel
+from copose.posture.solvers.constraint_generation import GenerationOptions, Step, generate
 
 _EXCHANGES, _COLLISIONS = 6, 10
 # Joints that differ by less, rad or m, are those of one motion.
@@ -136,66 +138,64 @@ class Solver:
         self._model, self._drive = model, drive
         self._kinked = kinked
         self._tasks: dict[Form, KnotNlp] = {}
-        self._numbers = self._count_numbers()
-
-    def _count_numbers(self) -> int:
-        setting = self._model.setting(self._model.cell)
-        objective = setting.objective
-        if isinstance(objective, LimitsMeasure) and setting.holding is not None:
-            return len(
-                objective.numbers(objective.demands(setting.holding)[: objective.programmed])
-            )
-        return len(setting.numbers)
+        setting = model.setting(model.cell)
+        self._numbers = setting.objective.program_size(setting.holding)
 
     def task(self, form: Form) -> KnotNlp:
         """What the programs of a form hold at a knot."""
         if form not in self._tasks:
             model, capacity = self._model, self._drive.capacity
-            self._tasks[form] = KnotNlp(model.cell, model.objective, self._numbers, capacity, form)
+            kept = constraints_of(model.cell, moving=True)
+            self._tasks[form] = KnotNlp(
+                model.cell, model.objective, self._numbers, capacity, kept, form
+            )
         return self._tasks[form]
 
     def solved(self, case: Case, q: Array, beside: Multipliers | None = None) -> OptimisedMotion:
         """The best motion near one, (n, N), with demands that a program left out."""
-        model, demands = self._model, self._demands(case.course, q)
-        found = self._apart(case, q, demands, beside)
-        settled = case.roughly or case.form.common in ("stretch", "share")
-        if demands is None or not model.dear or settled:
-            return found
-        for _ in range(_EXCHANGES):
-            if not found.converged:
-                break
-            more = [
-                model.tightened(setting, here[None], mine)
-                for setting, here, mine in zip(case.course.settings, found.q, demands, strict=True)
-            ]
-            if all(each is None for each in more):
-                break
-            demands = [d if each is None else each for d, each in zip(demands, more, strict=True)]
-            found = self._apart(case, found.q, demands, found.multipliers)
-        return found
-
-    def _demands(self, course: Course, q: Array) -> list[tuple[Demand, ...]] | None:
-        if not isinstance(self._model.objective, LimitsMeasure):
-            return None
-        return [
-            self._model.demands(setting, here[None])[0]
-            for setting, here in zip(course.settings, q, strict=True)
+        model, settings = self._model, case.course.settings
+        cuts = [
+            setting.objective.cuts(setting, model.split(here[None]))[0]
+            for setting, here in zip(settings, q, strict=True)
         ]
+        settled = case.roughly or case.form.common in ("stretch", "share")
+        if not model.objective.costly or settled:
+            return self._apart(case, q, cuts, beside)
+        ends: list[OptimisedMotion] = []
+
+        def solve(
+            here: OptimisedMotion, cuts: list[Cuts], room: float
+        ) -> Step[OptimisedMotion, list[Cuts]] | None:
+            ends.append(self._apart(case, here.q, cuts, here.multipliers))
+            if not ends[-1].converged:
+                return None
+            violated = [
+                setting.objective.more_cuts(setting, model.split(q[None]), mine)
+                for setting, q, mine in zip(settings, ends[-1].q, cuts, strict=True)
+            ]
+            added = [old if new is None else new for old, new in zip(cuts, violated, strict=True)]
+            done = all(each is None for each in violated)
+            return Step(ends[-1], 0.0, 0.0, None if done else added)
+
+        start = OptimisedMotion(q, case.wanted.duration, False, "", ("", 0, np.inf), beside)
+        options = GenerationOptions(rounds=1 + _EXCHANGES, free_rounds=1 + _EXCHANGES)
+        generate(start, -np.inf, cuts, solve, lambda *_: True, options)
+        return ends[-1]
 
     def _apart(
         self,
         case: Case,
         q: Array,
-        demands: list[tuple[Demand, ...]] | None,
+        cuts: list[Cuts],
         beside: Multipliers | None,
     ) -> OptimisedMotion:
         """With pairs of bodies that it has run into."""
         model, course = self._model, case.course
-        near = [of_two(mine) for mine in self._witnesses(course, q, MATTERS)]
+        near = [of_two(mine) for mine in self._witnesses(course, q, CutOptions().near)]
         met: list[Array] = []
         cold, start, multipliers = case, q, beside
         for _ in range(_COLLISIONS):
-            found = self._run(case, near, q, demands, beside)
+            found = self._run(case, near, q, cuts, beside)
             if not found.converged and case is not cold:
                 case, q, beside = cold, start, multipliers
                 continue
@@ -230,14 +230,14 @@ class Solver:
         case: Case,
         near: Sequence[tuple[Witness, ...]],
         q: Array,
-        demands: list[tuple[Demand, ...]] | None,
+        cuts: list[Cuts],
         beside: Multipliers | None,
     ) -> OptimisedMotion:
         model, course, wanted = self._model, case.course, case.wanted
         task, clearance = self.task(case.form), None
         if model.bodies is not None and any(near):
             clearance = ClearanceRows(model.bodies, course, near, wanted.margin)
-        start = started(model, self._drive, task, course, q, wanted.duration, demands, case.slack)
+        start = started(model, self._drive, task, course, q, wanted.duration, cuts, case.slack)
         if not np.all(np.isfinite(start)):
             return OptimisedMotion(q, wanted.duration, False, "Singular_Start", ("", 0, np.inf))
         inertial = self._drive.inertial(course)
@@ -245,7 +245,7 @@ class Solver:
             [
                 np.concatenate([
                     setting.cell.parameters,
-                    self._numbers_at(setting, None if demands is None else demands[k]),
+                    setting.objective.program_numbers(setting, cuts[k]),
                     inertial[k],
                     [wanted.duration],
                 ])
@@ -298,12 +298,6 @@ class Solver:
             lower[-1, known] = np.concatenate(cell.lower)[known] - 1.0
             upper[-1, known] = np.concatenate(cell.upper)[known] + 1.0
         return lower, upper
-
-    def _numbers_at(self, setting: Setting, demands: Sequence[Demand] | None) -> Array:
-        objective = setting.objective
-        if demands is not None and isinstance(objective, LimitsMeasure):
-            return objective.numbers(demands)
-        return setting.numbers
 
 
 def same_motion(one: Array, other: Array) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,11 +12,11 @@ import numpy as np
 from copose.cell.cell import Cell
 from copose.cell.dynamics import CellDynamics
 from copose.constraints.constraint import Constraint, closure_constraints, equality
-from copose.constraints.torque import holding_addition, kept_bounds, limits_addition
+from copose.constraints.posture_constraint import PostureConstraint
+from copose.constraints.torque import kept_bounds
 from copose.kernels import Kernel
 from copose.motion.dynamics.inverse_dynamics import exertable
-from copose.objectives.ellipsoid_measures import EllipsoidMeasure, Objective
-from copose.objectives.limits_measures import LimitsMeasure
+from copose.objectives.objective import Objective
 from copose.poses import Array, Indices
 
 # How names of constraints on shares of limits end, and what share of them is little enough.
@@ -81,6 +82,7 @@ class KnotNlp:
         objective: Objective,
         numbers: int,
         capacity: CellDynamics | None,
+        required: Sequence[PostureConstraint],
         form: Form,
     ) -> None:
         """Write it down.
@@ -90,6 +92,7 @@ class KnotNlp:
             objective: what is maximised.
             numbers: how many parameters it has.
             capacity: what torque limits allow, where they matter.
+            required: constraints on postures.
             form: which program.
         """
         system = cell.system
@@ -100,18 +103,20 @@ class KnotNlp:
         parts: dict[str, ca.SX] = {"q": system.q}
         value = ca.SX(0)
         if form.common in (None, "level"):
-            value, beside, more = _objective(
-                cell, objective, symbols, capacity, rounded=form.rounded
-            )
-            parts["beside"] = beside
-            constraints += more
+            term = objective.term(system, cell.problem.axes, symbols, capacity)
+            if term.sharp is not None and not form.rounded:
+                term = term.sharp
+            value = term.natural
+            parts["beside"] = term.variables
+            constraints += term.constraints
         self.holding: frozenset[str] = frozenset()
-        if cell.held_knots(2).any() and not form.loose:
-            assert capacity is not None
-            hold = holding_addition(system, capacity)
-            self.holding = frozenset(constraint.name for constraint in hold.constraints)
-            parts["hold"] = hold.variables
-            constraints += hold.constraints
+        for constraint in () if form.loose else required:
+            added = constraint.term(system, capacity)
+            if added is not None:
+                parts[constraint.name] = added.variables
+                constraints += added.constraints
+                if constraint.torque_limited:
+                    self.holding |= {row.name for row in added.constraints}
         stretch = ca.SX.sym("stretch") if form.shortest else ca.SX(1)
         if form.rates:
             slopes, bends = (
@@ -236,34 +241,6 @@ def _spared(constraint: Constraint, share: ca.SX) -> Constraint:
         np.concatenate([nothing, open_]),
         "1",
     )
-
-
-def _objective(
-    cell: Cell,
-    objective: Objective,
-    symbols: ca.SX,
-    capacity: CellDynamics | None,
-    *,
-    rounded: bool,
-) -> tuple[ca.SX, ca.SX, list[Constraint]]:
-    """What is maximised, the variables that it adds, and constraints on them."""
-    system = cell.system
-    if isinstance(objective, EllipsoidMeasure):
-        axes = list(cell.problem.axes)
-        gram = objective.form.system_gram(system, objective.scales)[axes, axes]
-        formulation = objective.formulate(gram, symbols)
-        if rounded and formulation.smooth is not None:
-            return ca.exp(formulation.smooth), ca.SX(0, 1), []
-        more = []
-        if formulation.zero.numel():
-            more.append(equality("bounds on the semi-axes", formulation.zero, "1"))
-        # With kinks the logarithm is maximised of a posture; a mean is of the values themselves.
-        value = ca.exp(formulation.value) if objective.kinked else formulation.value
-        return value, formulation.extra, more
-    assert isinstance(objective, LimitsMeasure) and capacity is not None
-    addition = limits_addition(system, objective, symbols, capacity)
-    assert addition.value is not None
-    return addition.value, addition.variables, list(addition.constraints)
 
 
 def _driven(

@@ -19,7 +19,7 @@ from copose.motion.nlp.knot import Form, KnotNlp
 from copose.motion.nlp.linear_rows import Builder, LinearRows
 from copose.poses import Array, Indices, Mask
 from copose.posture.solvers.ipopt import Ipopt
-from copose.posture.solvers.nlp import IPOPT
+from copose.posture.solvers.nlp import ipopt_options
 
 _STEP = 1e-7
 _STEP_AT, _KNOTS_AT, _SHRINKS = 0.35, 25, 0.6
@@ -28,7 +28,7 @@ _LEAST = 1e-6
 # How much a motion is smoothed whose objective does not count, per square of the duration, so that
 # joints have one way to go.
 _CALM = 1e-6
-_OPTIONS = IPOPT | {
+_OPTIONS = ipopt_options() | {
     "no_nlp_grad": True,
     "ipopt.tol": 1e-8,
     "ipopt.mu_init": 1e-2,

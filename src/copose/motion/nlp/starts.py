@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from copose.capability.torque_limits import Demand
+from copose.cell.context import PostureContext
+from copose.constraints.table import constraints_of
 from copose.motion.dynamics.rates import JointRates
 from copose.motion.nlp.knot import KnotNlp
 from copose.motion.path.knots import Course, bends, slopes
-from copose.objectives.ellipsoid_measures import EllipsoidMeasure
-from copose.objectives.limits_measures import LimitsMeasure
+from copose.objectives.objective import Cuts
 from copose.poses import Array
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
+from copose.posture.setting import Setting
 
 # How far below the least objective its level starts, relative.
 _BELOW = 0.01
@@ -28,7 +30,7 @@ def started(
     course: Course,
     q: Array,
     duration: float,
-    demands: Sequence[Sequence[Demand]] | None,
+    cuts: Sequence[Cuts],
     slack: float,
 ) -> Array:
     """All variables of every knot of a closed motion, (n, ny); not finite where one has no start.
@@ -40,7 +42,7 @@ def started(
         course: at the knots.
         q: the motion, (n, N).
         duration: s.
-        demands: of an objective that torque limits decide, by knot.
+        cuts: demands of the objective that the program has, by knot.
         slack: how wide the bounds of an objective with kinks are.
     """
     # Parts that a program has, and that are not empty.
@@ -48,16 +50,14 @@ def started(
     n = len(course)
     y = np.zeros((n, task.size))
     y[:, slices["q"]] = q
-    held = model.cell.held_knots(n)
+    held, kept = model.cell.held_knots(n), constraints_of(model.cell, moving=True)
     for k, setting in enumerate(course.settings):
-        here = q[k][None]
+        parts = model.split(q[k][None])
         if "beside" in slices:
-            wanted = None if demands is None else demands[k]
-            y[k, slices["beside"]] = _beside(model, setting, here, wanted, slack)
-        if "hold" in slices and held[k]:
-            assert drive.capacity is not None
-            holding = drive.capacity.holding(setting.cell)
-            y[k, slices["hold"]] = drive.capacity.resting(holding, model.split(here))[0]
+            y[k, slices["beside"]] = setting.objective.motion_start(setting, parts, cuts[k], slack)
+        for constraint in kept:
+            if constraint.name in slices and (held[k] or not constraint.torque_limited):
+                y[k, slices[constraint.name]] = constraint.starts(loaded(setting, drive), parts)[0]
     if "slopes" in slices:
         y[:, slices["slopes"]] = slopes(q, 1.0 / (n - 1))
         y[:, slices["bends"]] = bends(q, 1.0 / (n - 1))
@@ -84,22 +84,9 @@ def values_at(model: PostureModel, course: Course, q: Array) -> Array:
     return np.array(found)
 
 
-def _beside(
-    model: PostureModel,
-    setting: Setting,
-    q: Array,
-    demands: Sequence[Demand] | None,
-    slack: float,
-) -> Array:
-    """What the objective adds, at a posture, (1, N)."""
-    objective = setting.objective
-    if isinstance(objective, EllipsoidMeasure):
-        grams = model.grams(setting, model.split(q))
-        assert grams is not None
-        if not np.all(np.isfinite(grams)):
-            return np.full(1, np.nan)
-        return objective.extra_start(grams[0], slack)
-    assert isinstance(objective, LimitsMeasure) and model.capacity is not None
-    assert setting.holding is not None and demands is not None
-    parts = model.split(q)
-    return np.asarray(objective.starts(model.capacity, setting.holding, parts, [demands])[0])
+def loaded(setting: Setting, drive: JointRates) -> PostureContext:
+    """A setting with the held object, which it lacks where torques count along a path alone."""
+    if setting.holding is not None or drive.capacity is None:
+        return setting
+    capacity = drive.capacity
+    return replace(setting, capacity=capacity, holding=capacity.holding(setting.cell))

@@ -10,7 +10,8 @@ import numpy as np
 from copose.collision import configurations, joint_columns
 from copose.motion.path.object_motion import ObjectMotion, ObjectState
 from copose.poses import Array, Indices
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
+from copose.posture.setting import Setting
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,10 @@ from copose.motion.graph.routes import RouteFinder
 from copose.motion.nlp.constraint_generation import OptimisedMotion
 from copose.motion.path.knots import Course
 from copose.poses import Array
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
 from copose.posture.search.global_search import EFFORTS
 from copose.posture.search.heaviest import times
+from copose.posture.setting import Setting
 from copose.progress import StoppedError
 from copose.robots.reach_bounds import excluded
 from copose.self_motion.misses.nearest_miss import nearest_miss

@@ -26,7 +26,6 @@ from copose.motion.nlp.knot import Form
 from copose.motion.nlp.motion_nlp import Multipliers
 from copose.motion.nlp.starts import values_at
 from copose.motion.path.knots import Course
-from copose.objectives.ellipsoid_measures import EllipsoidMeasure
 from copose.poses import Array
 from copose.posture.model import PostureModel
 from copose.problem import PathSpec
@@ -208,8 +207,7 @@ class MotionOptimiser:
     @property
     def kinked(self) -> bool:
         """Whether the objective has kinks where it is largest."""
-        objective = self._model.objective
-        return isinstance(objective, EllipsoidMeasure) and objective.kinked
+        return self._model.objective.non_smooth
 
     def _sharpened(self, case: Case, q: Array, rounded: OptimisedMotion) -> OptimisedMotion:
         """From the best of the objective without kinks, which stands in where the program with

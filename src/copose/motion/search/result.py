@@ -15,7 +15,7 @@ from copose.motion.path.knots import Course
 from copose.motion.path.object_motion import ObjectMotion
 from copose.motion.search.obstruction import Obstruction
 from copose.motion.search.refinement import Finished
-from copose.objectives.ellipsoid_measures import Objective
+from copose.objectives.objective import Objective
 from copose.poses import Array
 from copose.posture.model import PostureModel
 from copose.posture.solution import joint_limits

@@ -9,9 +9,10 @@ import numpy as np
 
 from copose.errors import InputError, arm_key
 from copose.poses import Array
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
 from copose.posture.reachable.reachability import rails_of
 from copose.posture.search.global_search import EFFORTS
+from copose.posture.setting import Setting
 from copose.self_motion.curves.arc_length import Track
 from copose.self_motion.curves.joint_range import JointRange
 from copose.self_motion.curves.limited_curve import Course

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from copose.errors import InputError, arm_key
-from copose.objectives.limits_measures import LimitsMeasure
 from copose.poses import Array, Indices, Mask
 from copose.posture.landscape.branches import Branches, branches, held_postures
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
 from copose.posture.search.clear_samples import alone_clear, kept_apart
+from copose.posture.setting import Setting
 from copose.progress import heed
 from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
 
@@ -103,7 +103,7 @@ def _along(
         exact = objectives_of(model, setting, _beside(q, i, curve.postures(asked)))
         values = np.interp(s, asked, exact, left=np.nan, right=np.nan)
     else:
-        programs = isinstance(setting.objective, LimitsMeasure)
+        programs = not setting.objective.summable
         rows = (s >= low) & (s <= high) if programs else np.ones(len(s), dtype=bool)
         values[rows] = objectives_of(model, setting, model.split(stacked[rows]))
     clear, held = curve.clear, curve.held
@@ -113,7 +113,7 @@ def _along(
         chosen = np.zeros((len(postures[i]), len(q)), dtype=np.intp)
         chosen[:, i] = np.arange(len(chosen))
         clear[inside] = kept_clear(setting, postures, chosen)
-    if model.static and inside.any():
+    if model.feasibility.judged and inside.any():
         held = held.copy()
         held[inside] = model.held(setting, stacked[inside])
     return replace(curve, objective=values, clear=clear, held=held)

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from copose.objectives.ellipsoid_measures import EllipsoidMeasure
 from copose.poses import Array, Mask
 from copose.posture.landscape.branches import held_postures
 from copose.posture.landscape.curve_values import kept_clear, objectives_of, self_motions, slow
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
+from copose.posture.setting import Setting
 from copose.progress import heed
 from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
 
@@ -119,7 +119,7 @@ def _mapped(
     points = [curve.postures(x) for curve, x in zip((first, second), s, strict=True)]
     every = _combined(q, arms, points)
     allowed = first.within(s[0])[:, None] & second.within(s[1])
-    if isinstance(setting.objective, EllipsoidMeasure):
+    if setting.objective.summable:
         values = _summed(model, setting, q, arms, points)
     else:
         values, rows = np.full(count**2, np.nan), allowed.ravel()
@@ -132,7 +132,7 @@ def _mapped(
         chosen = np.zeros((int(allowed.sum()), len(q)), dtype=np.intp)
         chosen[:, list(arms)] = np.argwhere(allowed)
         allowed[allowed] = kept_clear(setting, postures, chosen)
-    if model.static and allowed.any():
+    if model.feasibility.judged and allowed.any():
         rows = allowed.ravel()
         allowed[allowed] = model.held(setting, np.hstack(every)[rows])
     present = None
@@ -156,7 +156,7 @@ def _summed(
     one, other = (model.arms[i].terms(mine, ties[i]) for i, mine in zip(arms, points, strict=True))
     rest = [model.arms[i].terms(mine[None], ties[i]) for i, mine in enumerate(q) if i not in arms]
     sums = one[:, None] + (other + sum(rest))[None]
-    values = model.objectives_of(setting, sums.reshape(-1, sums.shape[2]))
+    values = setting.objective.values_of_sums(setting, sums.reshape(-1, sums.shape[2]))
     return np.where(np.isfinite(values), values, np.nan)
 
 

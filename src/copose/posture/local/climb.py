@@ -9,8 +9,10 @@ import numpy as np
 
 from copose.cell.cell import Cell
 from copose.poses import Array, Mask
-from copose.posture.model import PostureModel, Setting
+from copose.posture.local.nlp_cuts import NlpCuts
+from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum
+from copose.posture.setting import Setting
 from copose.posture.solvers.newton import Polished
 from copose.posture.solvers.nlp import LocalSolve
 from copose.progress import attained, stage
@@ -69,7 +71,7 @@ class LocalSearches:
         """By arm, where the best ends of polishing are, without repetition."""
         cell = self.setting.cell
         optima = np.array([optimum.q for optimum in gathered(cell, self.ends)[:most]])
-        parts = [part.T for part in cell.system.split(optima.T)] if len(optima) else []
+        parts = cell.system.split(optima) if len(optima) else []
         return [np.unique(part.round(9), axis=0) for part in parts]
 
     def responses(self, i: int, closed: Array, most: int) -> Array:
@@ -162,7 +164,7 @@ class LocalSearches:
         model, setting = self.model, self.setting
         if len(q) == 0:
             return np.zeros(0)
-        ends = list(model.solve_programs(setting, q))
+        ends = list(NlpCuts(model).solve(setting, q))
         values = model.objectives(setting, np.array([end.q for end in ends]))
         good = np.isfinite(values) & np.array([end.converged for end in ends])
         for end, value, fine in zip(ends, values, good, strict=True):

@@ -124,8 +124,7 @@ class PlacedRun:
                 continue
             off = abs(placing.value - optimum.value)
             if off <= 1e-6 * max(1.0, abs(optimum.value)) and all(
-                self.run.held(case.measured) and self.run.apart(case.measured)
-                for case in placing.cases
+                self.run.kept(case.measured) for case in placing.cases
             ):
                 best = placing
                 break

@@ -10,22 +10,22 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from itertools import product
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from copose.cell.cell import Cell
-from copose.objectives.limits_measures import LimitsMeasure
+from copose.objectives.objective import Cuts
 from copose.poses import Array
 from copose.posture.local.climb import SAME_OBJECTIVE
-from copose.posture.model import PostureModel, Setting
+from copose.posture.local.nlp_cuts import NlpCuts
+from copose.posture.model import PostureModel
 from copose.posture.search.global_search import EFFORTS, Effort, Found, search
+from copose.posture.setting import Setting
+from copose.posture.solvers.constraint_generation import GenerationOptions, Step, generate
 from copose.posture.solvers.nlp import Given, LocalSolve
 from copose.progress import attained, heed, hushed, stage
 from copose.robots import finite_range
-
-if TYPE_CHECKING:
-    from copose.capability.torque_limits import Demand
 
 # Placements that are searched with one free coordinate, twice as many with each more, and at most;
 # postures that are polished. So many of them where a search takes many programs.
@@ -40,9 +40,6 @@ _FEW, _ROUNDS, _AROUND, _NEAR = 0.25, 4, 8, 0.1
 _OF_EACH, _ENDS, _BEST_AROUND = 4, 3, 2
 # Cases of which all combinations of their best are told apart.
 _MULTIPLIED = 4
-# Runs of IPOPT from one start, the first of which wander, and how much nearer the next stays after
-# one that led astray, rad or m.
-_RUNS, _WANDER, _NEARER, _NO_ROOM = 12, 3, 0.3, 1e-6
 _SAME, _UNLIKE, _LOSS = 1e-3, 0.3, 1e-9
 # How often a program is solved with what it has run into.
 _COLLISIONS = 4
@@ -339,36 +336,28 @@ class PlacementSearch:
         go less far.
         """
         self._polished += 1
-        best, here, room = start, start, np.inf
-        demands = self._demands(start)
-        limits = isinstance(self._model.objective, LimitsMeasure)
-        for run in range(_RUNS):
-            if run >= (_WANDER if limits else 0):
-                here = best
-            end = self._solved(here, demands, room)
-            far = 0.0
-            there = None
-            if end is None or not end.converged:
-                if end is not None:
-                    self._failures.append(end)
-            else:
-                there = self._evaluated(end.q)
-                far = float(np.abs(end.q - self._stacked(here)).max())
-            more = None if there is None else self._tightened(there, demands)
-            if there is not None and there.value > best.value - _LOSS * (1 + abs(best.value)):
-                gained = there.value - best.value
-                best = here = there
-                if more is None and far < room * (1 - 1e-6):
-                    break
-                if gained <= SAME_OBJECTIVE / 10 and run > _WANDER:
-                    break
-            else:
-                here = best if there is None else there
-                room = min(room, far if far > 0 else 1.0) * _NEARER
-                if room < _NO_ROOM or run >= (_RUNS if limits else _WANDER):
-                    break
-            demands = demands if more is None else more
-        return best
+        limits = self._model.objective.piecewise
+        options = GenerationOptions(
+            rounds=12, free_rounds=3 if limits else 0, always_bounded=True, patient=True,
+            stuck_way=1.0, last_rejection=12 if limits else 3, least_gain=SAME_OBJECTIVE / 10,
+            gain_round=3,
+        )  # fmt: skip
+
+        def solve(here: Placed, cuts: list[Cuts], room: float) -> Step[Placed, list[Cuts]] | None:
+            end = self._solved(here, cuts, room)
+            if end is None:
+                return None
+            if not end.converged:
+                self._failures.append(end)
+                return None
+            there = self._evaluated(end.q)
+            way = float(np.abs(end.q - self._stacked(here)).max())
+            return Step(there, there.value, way, self._tightened(there, cuts))
+
+        def accepts(step: Step[Placed, list[Cuts]], best: float, _: bool) -> bool:
+            return step.value > best - _LOSS * (1 + abs(best))
+
+        return generate(start, start.value, self._demands(start), solve, accepts, options)
 
     def _stacked(self, placed: Placed) -> Array:
         return np.concatenate([*placed.q, self._places.joined(placed.x)])
@@ -384,42 +373,34 @@ class PlacementSearch:
         total = float(np.dot(self.weights, values))
         return Placed(tuple(x), tuple(q), total if np.isfinite(total) else -np.inf)
 
-    def _demands(self, placed: Placed) -> list[tuple[Demand, ...]] | None:
-        model = self._model
-        if not isinstance(model.objective, LimitsMeasure):
-            return None
-        return [
-            model.demands(self.setting(k, placed.x[k]), q[None])[0] for k, q in enumerate(placed.q)
-        ]
+    def _demands(self, placed: Placed) -> list[Cuts]:
+        """The demands of each case's program."""
+        found = []
+        for k, q in enumerate(placed.q):
+            setting, parts = self.setting(k, placed.x[k]), self._model.split(q[None])
+            found.append(setting.objective.cuts(setting, parts)[0])
+        return found
 
-    def _tightened(
-        self, placed: Placed, demands: list[tuple[Demand, ...]] | None
-    ) -> list[tuple[Demand, ...]] | None:
+    def _tightened(self, placed: Placed, demands: list[Cuts]) -> list[Cuts] | None:
         """Demands with those that a run left out; None where it left out none."""
-        if demands is None:
-            return None
-        found = [
-            self._model.tightened(self.setting(k, placed.x[k]), q[None], demands[k])
-            for k, q in enumerate(placed.q)
-        ]
+        found = []
+        for k, q in enumerate(placed.q):
+            setting, parts = self.setting(k, placed.x[k]), self._model.split(q[None])
+            found.append(setting.objective.more_cuts(setting, parts, demands[k]))
         if all(each is None for each in found):
             return None
         return [old if new is None else new for old, new in zip(demands, found, strict=True)]
 
-    def _solved(
-        self, here: Placed, demands: list[tuple[Demand, ...]] | None, room: float
-    ) -> LocalSolve | None:
+    def _solved(self, here: Placed, demands: list[Cuts], room: float) -> LocalSolve | None:
         """One run of IPOPT over everything, with what it runs into kept apart."""
-        model, freedom = self._model, self._freedom
+        model, freedom, cuts = self._model, self._freedom, NlpCuts(self._model)
         settings = [self.setting(k, x) for k, x in enumerate(here.x)]
         numbers, beside = [], []
         for k, (setting, q) in enumerate(zip(settings, here.q, strict=True)):
-            wanted = None if demands is None else [demands[k]]
-            mine, more = model.given(setting, q[None], wanted)
+            mine, more = cuts.given(setting, q[None], [demands[k]])
             if not np.all(np.isfinite(more)):
                 return None
-            inertia = [setting.placement.inertia] if demands is not None else []
-            numbers.append(np.concatenate([*mine, *inertia]))
+            numbers.append(np.concatenate([*mine, setting.placement.inertia]))
             beside.append(more[0])
         places = [freedom.numbers(cell) for cell in self._cases]
         bounds = [setting.bounds for setting in settings]
@@ -428,14 +409,14 @@ class PlacementSearch:
         lower = np.concatenate([*(low for low, _ in bounds), ends[0]])
         upper = np.concatenate([*(high for _, high in bounds), ends[1]])
         lower, upper = np.maximum(lower, start - room), np.minimum(upper, start + room)
-        near = [model.near(s, q) for s, q in zip(settings, here.q, strict=True)]
+        near = [cuts.near(s, q) for s, q in zip(settings, here.q, strict=True)]
         end = None
         for _ in range(_COLLISIONS):
-            apart = model.apart(near)
+            apart = cuts.apart(near)
             given = [
                 Given(
                     places[k],
-                    np.concatenate([numbers[k], model.kept_apart(apart, near[k])]),
+                    np.concatenate([numbers[k], cuts.kept_apart(apart, near[k])]),
                     beside[k],
                     self.weights[k],
                 )
@@ -446,7 +427,7 @@ class PlacementSearch:
                 return end
             there = self._evaluated(end.q)
             hits = [
-                model.runs_into(self.setting(k, x), q)
+                cuts.runs_into(self.setting(k, x), q)
                 for k, (x, q) in enumerate(zip(there.x, there.q, strict=True))
             ]
             if not any(hits):

@@ -14,8 +14,9 @@ from itertools import permutations, product
 import numpy as np
 
 from copose.poses import Array, Indices, Mask
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
 from copose.posture.search.clear_samples import alone_clear, kept_apart
+from copose.posture.setting import Setting
 from copose.self_motion.curves.tracing import Curve
 
 # Between nodes, rad (or m).

@@ -17,8 +17,9 @@ import numpy as np
 
 from copose.cell.cell import Cell
 from copose.poses import Array
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
 from copose.posture.reachable.coordination import CoordinationGrid, CurveNodes, one_after_another
+from copose.posture.setting import Setting
 from copose.self_motion.curves.tracing import SPACING, STRIDE, Curve, follow
 from copose.self_motion.manifold import ClosureManifold
 from copose.self_motion.projection import CLOSED, project

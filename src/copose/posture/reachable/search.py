@@ -15,12 +15,13 @@ import numpy as np
 from copose.constraints.clearance import Blocked, in_the_way
 from copose.poses import Array, Indices, Mask
 from copose.posture.local.climb import LocalSearches
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum
 from copose.posture.reachable.coordination import CoordinationGrid, CurveNodes
 from copose.posture.reachable.reachability import Component, component, reachable
 from copose.posture.search.clear_samples import alone_clear, clear_postures, in_each_others_way
 from copose.posture.search.global_search import Effort, Found, compared
+from copose.posture.setting import Setting
 from copose.progress import over, sheltered, stage
 from copose.self_motion.curves.tracing import SPACING
 from copose.self_motion.projection import CLOSED, project

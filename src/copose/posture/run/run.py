@@ -10,11 +10,10 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from copose.cell.cell import Cell
-from copose.cell.dynamics import HELD
 from copose.cell.notes import best_so_far, margin_notes
 from copose.measurement.meter import Measurement
 from copose.poses import Array
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum
 from copose.posture.reachable.reachability import Reached, reachable
 from copose.posture.reachable.search import ReachableSet
@@ -26,6 +25,7 @@ from copose.posture.search.global_search import (
     search,
 )
 from copose.posture.search.heaviest import all_judged, combinations, heaviest, uncarried
+from copose.posture.setting import Setting
 from copose.posture.solution import Status, answer
 from copose.progress import StoppedError, heed, sheltered, stage
 from copose.results import (
@@ -370,8 +370,7 @@ class Run:
                 measured.value is not None
                 and max(measured.posture.closure_error.values()) <= CLOSURE_TOLERANCE
                 and abs(measured.value - optimum.objective) <= 1e-6 * max(1.0, abs(measured.value))
-                and self.held(measured)
-                and self.apart(measured)
+                and self.kept(measured)
             ):
                 best = measured
                 break
@@ -412,18 +411,10 @@ class Run:
         )
         return found, (reason, all_judged(self.cell) or uncarried(self.setting))
 
-    def held(self, measured: Measurement) -> bool:
-        """Whether the object is held at rest, where it must be."""
-        if not self.model.static:
-            return True
-        shares = measured.posture.static_torque
-        return shares is not None and max(map(max, shares.values())) <= 1 + HELD
-
-    def apart(self, measured: Measurement) -> bool:
-        """Whether everything keeps the clearance, where it must."""
-        found = measured.posture.collision
-        clearance = self.cell.problem.constraints.clearance
-        return self.model.bodies is None or found is None or found.distance >= clearance
+    def kept(self, measured: Measurement) -> bool:
+        """Whether a posture keeps the constraints, as far as they are measured."""
+        constraints = self.model.feasibility.constraints
+        return all(constraint.kept(measured.posture) for constraint in constraints)
 
     def overlap(self, measured: Measurement | None) -> tuple[str, ...]:
         """A note where bodies of an answer overlap that nothing keeps apart, or on their shapes."""
@@ -442,15 +433,9 @@ class Run:
     def allowed(self, measured: Measurement) -> bool:
         """Whether a posture keeps limits and margins, and holds the object where it must."""
         joints = measured.posture.joints
-        return (
-            self.held(measured)
-            and self.apart(measured)
-            and all(
-                np.all((np.array(joints[arm.name]) >= low) & (np.array(joints[arm.name]) <= high))
-                for arm, low, high in zip(
-                    self.cell.arms, self.cell.lower, self.cell.upper, strict=True
-                )
-            )
+        return self.kept(measured) and all(
+            np.all((np.array(joints[arm.name]) >= low) & (np.array(joints[arm.name]) <= high))
+            for arm, low, high in zip(self.cell.arms, self.cell.lower, self.cell.upper, strict=True)
         )
 
     def _verified(

@@ -10,7 +10,8 @@ import numpy as np
 
 from copose.constraints.clearance import Blocked, in_the_way
 from copose.poses import Array, Indices, Mask
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
+from copose.posture.setting import Setting
 from copose.self_motion.projection import CLOSED, project
 from copose.self_motion.sampling import neighbours
 

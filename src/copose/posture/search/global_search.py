@@ -13,7 +13,7 @@ from copose.cell.cell import Cell
 from copose.constraints.clearance import Blocked
 from copose.poses import Array, Indices, Mask
 from copose.posture.local.climb import SAME_OBJECTIVE, LocalSearches, gathered
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum
 from copose.posture.search.clear_samples import (
     alone_clear,
@@ -23,6 +23,7 @@ from copose.posture.search.clear_samples import (
 )
 from copose.posture.search.ranking import judged
 from copose.posture.search.screening import Screened, screen
+from copose.posture.setting import Setting
 from copose.posture.solvers.nlp import LocalSolve
 from copose.progress import StoppedError, over, sheltered, stage
 from copose.self_motion.sampling import ArmSample, ArmSampler, held_sample
@@ -185,11 +186,13 @@ def search(model: PostureModel, setting: Setting, seed: int, effort: Effort) -> 
     # What bodies in the way leave is worth no more than what there is without them.
     if over():
         with sheltered():
-            known = model.first_apart(setting, found.optima[:_ASKED])
+            known = model.feasibility.first_apart(setting, found.optima[:_ASKED])
             if known is None:
-                known = model.first_apart(setting, _drawn(model, setting, postures, seed))
+                known = model.feasibility.first_apart(
+                    setting, _drawn(model, setting, postures, seed)
+                )
         return replace(found, optima=() if known is None else (known,))
-    known = model.first_apart(setting, found.optima)
+    known = model.feasibility.first_apart(setting, found.optima)
     if known is not None and known is found.optima[0]:
         return replace(found, optima=(known,))
     optima = () if known is None else (known,)
@@ -388,7 +391,7 @@ def _screened(
     terms = [model.terms(setting, i, mine) for i, mine in enumerate(postures)]
     if setting.bodies is not None and allowed is None:
         allowed = kept_apart(setting, postures)
-    if model.static:
+    if model.feasibility.judged:
         # A combination that cannot be held may stand above a neighbour that can.
         neighbours = [near[:, :0] for near in neighbours]
     return screen(model.score, setting.given, terms, neighbours, rng, starts, allowed)

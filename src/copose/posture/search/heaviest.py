@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from copose.cell.cell import Cell
-from copose.objectives.limits_measures import Payload
+from copose.objectives.payload import Payload
 from copose.poses import Array
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
 from copose.posture.search.global_search import EFFORTS, search
+from copose.posture.setting import Setting
 from copose.progress import hushed
 
 # Combinations of arms' postures that are judged one by one, at most.

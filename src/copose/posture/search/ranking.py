@@ -1,22 +1,28 @@
-"""Combinations judged by what torque limits allow, where a cheaper score has compared them."""
+"""Judging: combinations ranked by the objective itself, where a cheaper score has compared them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from copose.poses import Array, Indices
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
 from copose.posture.search.screening import Screened
+from copose.posture.setting import Setting
 
-# Combinations that linear programs judge at a time, and at most; and how many for each that is
-# polished are enough.
-_JUDGED, _MOST_JUDGED, _ENOUGH = 256, 4096, 4
-# Where a climb is dear so many for each that is polished are measured exactly.
-_MEASURED = 10
-# The best of them go to better neighbours, so many times.
-_BEST, _SWEEPS = 16, 4
+
+@dataclass(frozen=True)
+class JudgingOptions:
+    """Numbers of combinations that are judged."""
+
+    at_once: int = 256  # that linear programs judge at a time
+    most: int = 4096  # the same, altogether
+    enough: int = 4  # for each that is polished
+    measured: int = 10  # the same, that are measured exactly where a climb is costly
+    best: int = 16  # that go to better neighbours
+    sweeps: int = 4  # how often they do
 
 
 def judged(
@@ -26,6 +32,7 @@ def judged(
     neighbours: Sequence[Indices],
     screened: Screened,
     most: int,
+    options: JudgingOptions = JudgingOptions(),
 ) -> Screened:
     """The best combinations by the objective itself, where another score has compared them; and of
     them those that hold the object, where they must.
@@ -37,31 +44,34 @@ def judged(
         neighbours: by arm, indices of the postures next to each, (count_i, k).
         screened: combinations by another score.
         most: that will be polished.
+        options: how many are judged.
     """
-    if model.newton and not model.static:
+    if model.objective.summable and not model.feasibility.judged:
         return screened
     chosen, scores = screened.chosen[:0], screened.scores[:0]
-    for first in range(0, len(screened.chosen), _JUDGED):
-        rows = slice(first, first + _JUDGED)
-        some, worth = screened.chosen[rows], screened.scores[rows]
-        q = _combined(postures, some)
+    for first in range(0, len(screened.chosen), options.at_once):
+        rows = slice(first, first + options.at_once)
+        combinations, worth = screened.chosen[rows], screened.scores[rows]
+        q = _combined(postures, combinations)
         held = model.held(setting, q)
-        some, worth, q = some[held], worth[held], q[held]
-        if not model.newton and len(q):
+        combinations, worth, q = combinations[held], worth[held], q[held]
+        if not model.objective.summable and len(q):
             worth = model.estimates(setting, q)
         sound = np.isfinite(worth)
-        chosen = np.vstack([chosen, some[sound]])
+        chosen = np.vstack([chosen, combinations[sound]])
         scores = np.concatenate([scores, worth[sound]])
-        if len(chosen) >= _ENOUGH * most or first + _JUDGED >= _MOST_JUDGED:
+        if len(chosen) >= options.enough * most or rows.stop >= options.most:
             break
     order = np.argsort(-scores, kind="stable")
     chosen, scores = chosen[order], scores[order]
-    if not model.newton and len(chosen):
-        top = _ascended(model, setting, postures, neighbours, chosen[:_BEST], scores[:_BEST])
-        chosen = np.vstack([top[0], chosen[_BEST:]])
-        scores = np.concatenate([top[1], scores[_BEST:]])
-    if model.dear:
-        chosen = chosen[: _MEASURED * most]
+    if not model.objective.summable and len(chosen):
+        best = slice(options.best)
+        top = chosen[best], scores[best]
+        top = _ascended(model, setting, postures, neighbours, *top, options.sweeps)
+        chosen = np.vstack([top[0], chosen[options.best :]])
+        scores = np.concatenate([top[1], scores[options.best :]])
+    if model.objective.costly:
+        chosen = chosen[: options.measured * most]
         scores = model.objectives(setting, _combined(postures, chosen))
     order = np.argsort(-scores, kind="stable")
     return Screened(chosen[order], scores[order], screened.combinations)
@@ -74,22 +84,23 @@ def _ascended(
     neighbours: Sequence[Indices],
     chosen: Indices,
     scores: Array,
+    sweeps: int,
 ) -> tuple[Indices, Array]:
     """Combinations, (count, K), exchanged for better ones with a neighbouring posture of one arm.
 
     The score that compared them first may have its maxima elsewhere.
     """
-    for _ in range(_SWEEPS):
-        beside = [chosen]
+    for _ in range(sweeps):
+        exchanged = [chosen]
         for i, near in enumerate(neighbours):
             for column in near[chosen[:, i]].T:
                 other = chosen.copy()
                 other[:, i] = column
-                beside.append(other)
-        every = np.stack(beside[1:], axis=1) if len(beside) > 1 else chosen[:, None]
+                exchanged.append(other)
+        every = np.stack(exchanged[1:], axis=1) if len(exchanged) > 1 else chosen[:, None]
         q = _combined(postures, every.reshape(-1, chosen.shape[1]))
         worth = model.estimates(setting, q)
-        if model.static:
+        if model.feasibility.judged:
             worth = np.where(model.held(setting, q), worth, -np.inf)
         worth = np.where(np.isfinite(worth), worth, -np.inf).reshape(every.shape[:2])
         best = worth.argmax(axis=1)

@@ -21,7 +21,7 @@ class Ipopt:
         sizes: tuple[int, int, int],
         options: dict[str, Any],
     ) -> None:
-        """Build it.
+        """Build the solver.
 
         Args:
             name: of the function.
@@ -47,13 +47,13 @@ class Ipopt:
         return answer
 
     def stats(self) -> dict[str, Any]:
-        """Of the last run."""
+        """Statistics of the last run."""
         stats: dict[str, Any] = self._solver.stats()
         return stats
 
 
 class _Between(ca.Callback):
-    """Asked between iterations: 1 where no other may follow."""
+    """A callback between iterations, which returns 1 where no other may follow."""
 
     def __init__(self, sizes: tuple[int, int, int]) -> None:
         ca.Callback.__init__(self)
@@ -62,27 +62,27 @@ class _Between(ca.Callback):
         self.construct("between", {})
 
     def get_n_in(self) -> int:
-        """Asked by CasADi."""
+        """Number of inputs, for CasADi."""
         return int(ca.nlpsol_n_out())
 
     def get_n_out(self) -> int:
-        """Asked by CasADi."""
+        """Number of outputs, for CasADi."""
         return 1
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        """Asked by CasADi."""
+        """Shape of an input, for CasADi."""
         size = self._sizes[ca.nlpsol_out(i)]
         return ca.Sparsity.dense(size) if size else ca.Sparsity(0, 0)
 
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
-        """Asked by CasADi."""
+        """Shape of an output, for CasADi."""
         return ca.Sparsity.dense(1)
 
     def has_eval_buffer(self) -> bool:
-        """Asked by CasADi: no matrix need be made of anything."""
+        """True, so that CasADi makes no matrix of anything."""
         return True
 
     def eval_buffer(self, arg: tuple[memoryview, ...], res: tuple[memoryview, ...]) -> int:
-        """Asked by CasADi."""
+        """The answer to CasADi, in its buffers."""
         np.frombuffer(res[0])[0] = float(over())
         return 0

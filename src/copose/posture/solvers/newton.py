@@ -15,44 +15,48 @@ from dataclasses import dataclass
 import numpy as np
 
 from copose.poses import Array, Indices, Mask
-from copose.posture.search.screening import Score
+from copose.posture.score import Score
 from copose.self_motion.kernels import ArmKernels
 from copose.self_motion.projection import CLOSED, project
 from copose.self_motion.tangent_space import Tangent
 
-# IPOPT's: optimality, scaled as its authors do, and closure.
-TOLERANCE = 1e-9
-_SCALE = 100.0
-_ITERATIONS = 60
-_HALVINGS = 12
-# Of a joint in one step, rad or m.
-_LONGEST = 0.3
-_DIFFERENCE = 1e-6
-_AT_LIMIT = 1e-10
-_FLATTEST = 1e-8
-# What a value may be off where a chain is open by a little.
-_NOISE = 1e-10
-_CLOSED_WELL = 1e-11
+
+@dataclass(frozen=True)
+class NewtonOptions:
+    """Steps and tolerances of the active-set method."""
+
+    tolerance: float = 1e-9  # of optimality, scaled as IPOPT's
+    scale: float = 100.0  # of multipliers from which on that scaling sets in
+    iterations: int = 60  # steps at most
+    halvings: int = 12  # of a step at most
+    longest: float = 0.3  # rad or m that a joint moves in one step
+    difference: float = 1e-6  # rad or m, step of finite differences
+    at_limit: float = 1e-10  # rad or m, that a joint is off a limit that it is brought to
+    flattest: float = 1e-8  # curvature, relative to the largest, that counts as this much
+    noise: float = 1e-10  # that a value may be off where a chain is open by a little, relative
+    closed: float = 1e-11  # m or rad, to which chains are closed
 
 
 @dataclass(frozen=True, eq=False)
 class Polished:
-    """Where starts ended.
+    """Ends of climbs.
 
     Attributes:
         q: joints of all arms, (count, N).
         value: of the score, (count,).
         error: IPOPT's measure of optimality there, (count,).
+        tolerance: of it.
     """
 
     q: Array
     value: Array
     error: Array
+    tolerance: float
 
     @property
     def converged(self) -> Mask:
-        """Whether IPOPT's tolerance is met, (count,)."""
-        return np.asarray(self.error <= TOLERANCE)
+        """A mask of the ends that meet IPOPT's tolerance, (count,)."""
+        return np.asarray(self.error <= self.tolerance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +80,7 @@ class ArmGroup:
     upper: Array
 
     def terms(self, q: Array) -> Array:
-        """What the arms add to the sums, (count, k, s), at q, (count, k, n)."""
+        """Terms of the arms in the sums, (count, k, s), at q, (count, k, n)."""
         count, k, n = q.shape
         ties = self.ties if count == 1 else np.tile(self.ties, (count, 1))
         return self.kernels.terms(q.reshape(-1, n), ties).reshape(count, k, -1)
@@ -100,13 +104,13 @@ class ArmGroup:
         return values[:, :s], J, values[:, s + m * n :]
 
     def stopped(self, q: Array) -> Mask:
-        """Which joints are at a limit, (count, k, n)."""
+        """A mask of the joints at a limit, (count, k, n)."""
         return np.asarray((q <= self.lower) | (q >= self.upper))
 
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """Postures with everything that the next step takes.
+    """Postures and all that the next step takes from them.
 
     Attributes:
         q: by crew, (count, k, n).
@@ -124,7 +128,7 @@ class _Point:
     weights: Array
 
     def taken(self, rows: Mask) -> _Point:
-        """Those of some starts."""
+        """The postures of some starts."""
         if rows.all():
             return self
         return _Point(
@@ -137,7 +141,7 @@ class _Point:
         )
 
     def put(self, rows: Indices, other: _Point, chosen: Mask) -> None:
-        """Take chosen starts of another in the place of some of these."""
+        """Replace some of these starts by chosen ones of another."""
         for mine, theirs in (
             *zip(self.q, other.q, strict=True),
             *zip(self.held, other.held, strict=True),
@@ -151,43 +155,47 @@ class _Point:
 
 @dataclass(frozen=True, eq=False)
 class Polisher:
-    """Maximises a score over the postures of a cell.
+    """An active-set method that maximises a score over the postures of a cell.
 
     Attributes:
         crews: the arms that move.
         score: of the sums of all arms' terms.
         given: what the score's kernels take beside the sums.
         rest: what arms that do not move add to the sums, (s,).
+        options: steps and tolerances.
     """
 
     crews: Sequence[ArmGroup]
     score: Score
     given: Array
     rest: Array | float
+    options: NewtonOptions = NewtonOptions()
 
     def polish(self, q: Array) -> Polished:
         """Climb from closed postures, (count, N), to local maxima."""
         if not self.crews:
             sums = np.broadcast_to(self.rest, (len(q), np.size(self.rest)))
-            return Polished(q, self.score.slope(sums, self.given)[:, 0], np.zeros(len(q)))
-        found = Polished(q.copy(), np.full(len(q), -np.inf), np.full(len(q), np.inf))
+            value = self.score.slope(sums, self.given)[:, 0]
+            return Polished(q, value, np.zeros(len(q)), self.options.tolerance)
+        value, error = np.full(len(q), -np.inf), np.full(len(q), np.inf)
+        ends = Polished(q.copy(), value, error, self.options.tolerance)
 
-        def settle(some: Mask, error: Array) -> None:
+        def settle(done: Mask, error: Array) -> None:
             for crew, part in zip(self.crews, point.q, strict=True):
-                found.q[rows[some][:, None, None], crew.columns] = part[some]
-            found.value[rows[some]], found.error[rows[some]] = point.value[some], error[some]
+                ends.q[rows[done][:, None, None], crew.columns] = part[done]
+            ends.value[rows[done]], ends.error[rows[done]] = point.value[done], error[done]
 
         parts = [q[:, crew.columns] for crew in self.crews]
         stopped = [crew.stopped(part) for crew, part in zip(self.crews, parts, strict=True)]
         point = self._point(parts, stopped)
         sound = np.isfinite(point.value)
         rows, point = np.flatnonzero(sound), point.taken(sound)
-        for left in range(_ITERATIONS, -1, -1):
+        for left in range(self.options.iterations, -1, -1):
             if len(rows) == 0:
                 break
             tangents = [self._tangent(j, point) for j in range(len(self.crews))]
             error = self._error(tangents, len(rows))
-            done = (error <= TOLERANCE) | (left == 0)
+            done = (error <= self.options.tolerance) | (left == 0)
             if done.any():
                 settle(done, error)
                 going = ~done
@@ -204,7 +212,7 @@ class Polisher:
             else:
                 settle(~moved, error)
                 rows, point = rows[moved], ahead.taken(moved)
-        return found
+        return ends
 
     def _point(self, q: list[Array], held: list[Mask]) -> _Point:
         terms = [crew.terms(mine) for crew, mine in zip(self.crews, q, strict=True)]
@@ -238,7 +246,7 @@ class Polisher:
             forces = np.abs(tangent.forces).reshape(count, -1)
             total += forces.sum(axis=1)
             entries += rest.shape[1] + forces.shape[1]
-        return np.asarray(largest / np.maximum(1.0, total / entries / _SCALE))
+        return np.asarray(largest / np.maximum(1.0, total / entries / self.options.scale))
 
     def _feasible_direction(
         self, point: _Point, tangents: list[Tangent]
@@ -267,28 +275,28 @@ class Polisher:
 
         Curvature that is beyond all numbers is that of a step along the gradient, see `_ascent`.
         """
-        count = len(point.value)
+        count, h = len(point.value), self.options.difference
         changes, blocks = [], []
         for j, (crew, tangent) in enumerate(zip(self.crews, tangents, strict=True)):
             k, (d, n) = len(crew.columns), tangent.basis.shape[1:]
             basis = tangent.basis.reshape(count, k, d, n)
-            beside = point.q[j][:, :, None] + _DIFFERENCE * basis
+            beside = point.q[j][:, :, None] + h * basis
             terms, J, slope = crew.local(beside, point.weights)
             J = J.reshape(count * k, d, crew.kernels.m, n)
             bend = slope.reshape(count * k, d, n) - tangent.slope[:, None]
             bend -= (tangent.forces[:, None, None] @ (J - tangent.J[:, None]))[:, :, 0]
-            curvature = bend @ tangent.basis.transpose(0, 2, 1) / _DIFFERENCE
+            curvature = bend @ tangent.basis.transpose(0, 2, 1) / h
             blocks += list(curvature.reshape(count, k, d, d).swapaxes(0, 1))
             change = terms.reshape(count, k, d, point.sums.shape[1]) - point.terms[j][:, :, None]
-            changes.append(change.reshape(count, k * d, point.sums.shape[1]) / _DIFFERENCE)
+            changes.append(change.reshape(count, k * d, point.sums.shape[1]) / h)
         change = np.concatenate(changes, axis=1)
         free = change.shape[1]
         if free == 0:
             return [np.zeros_like(q) for q in point.q]
-        shifted = point.sums[:, None] + _DIFFERENCE * change
+        shifted = point.sums[:, None] + h * change
         weights = self.score.slope(shifted.reshape(count * free, -1), self.given)[:, 1:]
         bent = weights.reshape(count, free, -1) - point.weights[:, None]
-        H = bent @ change.transpose(0, 2, 1) / _DIFFERENCE
+        H = bent @ change.transpose(0, 2, 1) / h
         first = 0
         for block in blocks:
             last = first + block.shape[1]
@@ -301,7 +309,7 @@ class Polisher:
             ],
             axis=1,
         )
-        step = _ascent(H, gradient)
+        step = _ascent(H, gradient, self.options.flattest)
         direction, first = [], 0
         for crew, tangent in zip(self.crews, tangents, strict=True):
             k, (d, n) = len(crew.columns), tangent.basis.shape[1:]
@@ -318,23 +326,23 @@ class Polisher:
         Returns:
             The new postures, and which of them moved.
         """
-        count = len(point.value)
+        count, longest = len(point.value), self.options.longest
         reach, gain = np.ones(count), np.zeros(count)
         held = []
         for j, (crew, step) in enumerate(zip(self.crews, direction, strict=True)):
             size = np.abs(step)
-            reach = np.minimum(reach, _LONGEST / np.maximum(size.max(axis=(1, 2)), _LONGEST))
+            reach = np.minimum(reach, longest / np.maximum(size.max(axis=(1, 2)), longest))
             room = np.where(step > 0, crew.upper - point.q[j], point.q[j] - crew.lower)
             part = np.full_like(step, np.inf)
             np.divide(np.maximum(room, 0.0), size, out=part, where=size > 1e-200)
             reach = np.minimum(reach, part.min(axis=(1, 2)))
             gain += (tangents[j].slope.reshape(step.shape) * step).sum(axis=(1, 2))
             held.append(tangents[j].held.reshape(step.shape))
-        noise = _NOISE * (1 + np.abs(point.value))
+        noise = self.options.noise * (1 + np.abs(point.value))
         closed, ahead = self._retracted(point.q, direction, reach, held)
         moved = closed & (ahead.value >= point.value + 1e-4 * reach * gain - noise)
         trying = np.flatnonzero(~moved)
-        for _ in range(_HALVINGS):
+        for _ in range(self.options.halvings):
             if len(trying) == 0:
                 break
             reach[trying] /= 2
@@ -353,13 +361,13 @@ class Polisher:
         self, q: list[Array], direction: list[Array], reach: Array, held: list[Mask]
     ) -> tuple[Mask, _Point]:
         """Postures after a step, closed again, with held joints where they are."""
-        ends, stops = [], []
+        ends, stops, near = [], [], self.options.at_limit
         closed = np.ones(len(reach), dtype=bool)
         for j, crew in enumerate(self.crews):
             there, stop = q[j], held[j]
             shape, n = there.shape, there.shape[2]
             guess = there + reach[:, None, None] * direction[j]
-            low, high = guess < crew.lower + _AT_LIMIT, guess > crew.upper - _AT_LIMIT
+            low, high = guess < crew.lower + near, guess > crew.upper - near
             if low.any() or high.any():
                 guess = np.where(low, crew.lower, np.where(high, crew.upper, guess))
                 # What a step of full reach brings to its limit stays there.
@@ -372,7 +380,7 @@ class Polisher:
                 lower, upper = np.where(stop, guess, lower), np.where(stop, guess, upper)
             end, gap = project(
                 crew.kernels, guess.reshape(-1, n), goals, lower.reshape(-1, n),
-                upper.reshape(-1, n), steps=12, closed=_CLOSED_WELL,
+                upper.reshape(-1, n), steps=12, closed=self.options.closed,
             )  # fmt: skip
             closed &= (gap < CLOSED).reshape(shape[:2]).all(axis=1)
             ends.append(end.reshape(shape))
@@ -380,13 +388,13 @@ class Polisher:
         return closed, self._point(ends, stops)
 
 
-def _ascent(H: Array, gradient: Array) -> Array:
+def _ascent(H: Array, gradient: Array, flattest: float) -> Array:
     """Newton's step for a maximum, with the Hessian's eigenvalues made negative, (count, D)."""
     H = (H + H.transpose(0, 2, 1)) / 2
     sound = np.asarray(np.isfinite(H).all(axis=(1, 2)))
     H[~sound] = -np.eye(H.shape[1])
     values, vectors = np.linalg.eigh(H)
     size = np.abs(values)
-    size = np.maximum(size, _FLATTEST * np.maximum(size.max(axis=1, keepdims=True), 1.0))
+    size = np.maximum(size, flattest * np.maximum(size.max(axis=1, keepdims=True), 1.0))
     along = (vectors.transpose(0, 2, 1) @ gradient[:, :, None])[:, :, 0]
     return np.asarray((vectors @ (along / size)[:, :, None])[:, :, 0])

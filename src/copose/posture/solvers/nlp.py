@@ -14,44 +14,48 @@ from copose.capability import symmetric
 from copose.cell.cell import Cell
 from copose.cell.dynamics import CellDynamics
 from copose.cell.variables import Places
-from copose.constraints.clearance import Apart
-from copose.constraints.constraint import Constraint, closure_constraints, equality
-from copose.constraints.torque import holding_addition, limits_addition
-from copose.objectives.ellipsoid_measures import EllipsoidMeasure, Objective
-from copose.objectives.limits_measures import LimitsMeasure
+from copose.constraints.constraint import Constraint, ConstraintTerm, closure_constraints
+from copose.objectives.objective import Objective, Term
 from copose.poses import Array
 from copose.posture.solvers.hessian import differenced_hessian
 from copose.posture.solvers.ipopt import Ipopt
 
-IPOPT: dict[str, Any] = {
-    "ipopt.print_level": 0,
-    "ipopt.sb": "yes",
-    "ipopt.tol": 1e-9,
-    "ipopt.constr_viol_tol": 1e-10,
-    # Bounds are joint limits: not a rounding error beyond them.
-    "ipopt.bound_relax_factor": 0.0,
-    # A point that is only acceptable is a failure.
-    "ipopt.acceptable_iter": 0,
-    "ipopt.max_iter": 200,
-    "print_time": False,
-    # Programs with more equations than unknowns are no news, and no reason to warn.
-    "inputs_check": False,
-    "calc_lam_p": False,
-    "show_eval_warnings": False,
-    "error_on_fail": False,
-}
+
+def ipopt_options(**changes: Any) -> dict[str, Any]:
+    """Options of IPOPT for posture programs, with changes, in CasADi's words without ``ipopt.``."""
+    options: dict[str, Any] = {
+        "print_level": 0,
+        "sb": "yes",
+        "tol": 1e-9,
+        "constr_viol_tol": 1e-10,
+        # Bounds are joint limits: not a rounding error beyond them.
+        "bound_relax_factor": 0.0,
+        # A point that is only acceptable is a failure.
+        "acceptable_iter": 0,
+        "max_iter": 200,
+    }
+    return {f"ipopt.{name}": value for name, value in (options | changes).items()} | {
+        "print_time": False,
+        # Programs with more equations than unknowns are no news, and no reason to warn.
+        "inputs_check": False,
+        "calc_lam_p": False,
+        "show_eval_warnings": False,
+        "error_on_fail": False,
+    }
 
 
-# How wide the bounds of an objective with kinks start, after its smooth stand-in was solved; and
-# what is tried after a failure.
-_FIRST_SLACK, _WIDER_SLACKS = 0.02, (0.2, 0.05)
-# How far beside its start, rad or m, a solve without kinks is tried again.
-_NUDGE = 0.03
+@dataclass(frozen=True)
+class SharpeningOptions:
+    """Attempts at a program without kinks and at the one with kinks from there."""
+
+    first_slack: float = 0.02  # of the logarithm of an eigenvalue, how far its bound starts off
+    wider_slacks: tuple[float, ...] = (0.2, 0.05)  # tried after a failure
+    nudge: float = 0.03  # rad or m beside its start, where a smooth program is tried again
 
 
 @dataclass(frozen=True, eq=False)
 class LocalSolve:
-    """How one run of IPOPT ended.
+    """The end of one run of IPOPT.
 
     Attributes:
         q: joint positions of all arms, stacked, (N,); where more is free, that after the joints.
@@ -70,7 +74,7 @@ class LocalSolve:
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """maximise value(q, beside; parameters, numbers) subject to constraints."""
+    """The program to maximise value(q, beside; parameters, numbers) subject to constraints."""
 
     q: ca.SX
     beside: ca.SX
@@ -87,7 +91,7 @@ class _Task:
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """What a task is solved for.
+    """Numbers that a program is solved for.
 
     Attributes:
         place: `Cell.parameters`, or `Freedom.numbers` where more than joints is free.
@@ -140,7 +144,7 @@ class _Solver:
         self._exact_hessian, self._differenced = exact_hessian, moving.numel()
         self._quick: Ipopt | None = None
         if quick and not exact_hessian:
-            self._quick = self._built({"ipopt.hessian_approximation": "limited-memory"})
+            self._quick = self._built(ipopt_options(hessian_approximation="limited-memory"))
         else:
             assert self._solver is not None
 
@@ -148,13 +152,13 @@ class _Solver:
     def _solver(self) -> Ipopt:
         if self._exact_hessian:
             # Starts keep torque limits already.
-            return self._built({"ipopt.mu_init": 1e-2})
+            return self._built(ipopt_options(mu_init=1e-2))
         hessian = differenced_hessian(self.expressions, self._differenced)
-        return self._built({"hess_lag": hessian})
+        return self._built(ipopt_options() | {"hess_lag": hessian})
 
     def _built(self, options: dict[str, Any]) -> Ipopt:
         x, p, g = (self.expressions[key].numel() for key in "xpg")
-        return Ipopt("posture", self.expressions, (x, p, g), IPOPT | options)
+        return Ipopt("posture", self.expressions, (x, p, g), options)
 
     def run(
         self, start: Array, extra: Array, parameters: Array, lower: Array, upper: Array
@@ -227,7 +231,7 @@ def _laid_out(task: _Task, places: Places) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, 
 
 
 class PostureProgram:
-    """minimise −objective(q; object, numbers) subject to closure, joint and torque limits.
+    """The program to minimise −objective(q; object, numbers) subject to closure and limits.
 
     Object pose, mass, inertia and the objective's numbers (directions, weights, demands) are
     parameters and joint limits are bounds: building is done once, in the constructor, and every
@@ -244,77 +248,57 @@ class PostureProgram:
         self,
         cell: Cell,
         objective: Objective,
-        numbers: int,
+        size: int,
         capacity: CellDynamics | None = None,
+        terms: Sequence[ConstraintTerm] = (),
         places: Places | None = None,
-        kept_apart: Apart | None = None,
+        options: SharpeningOptions = SharpeningOptions(),
     ) -> None:
         """Build the program of a cell.
 
         Args:
             cell: object and joints may be elsewhere when it is solved.
             objective: what is maximised.
-            numbers: how many parameters it has.
-            capacity: what torque limits allow, where they matter.
+            size: how many parameters it has.
+            capacity: equations of motion, where torque limits matter.
+            terms: of the constraints.
             places: where more than joints is free.
-            kept_apart: what may not touch.
+            options: how often it is tried.
         """
-        self.objective, self._places = objective, places
+        self.objective, self._places, self._options = objective, places, options
         system = cell.system
-        symbols = ca.SX.sym("numbers", numbers)
-        given, slots = symbols, ca.SX(0, 1)
-        constraints = closure_constraints(system, None if places is None else places.pinned)
-        if kept_apart is not None:
-            slots = ca.SX.sym("witnesses", kept_apart.numbers)
-            constraints = (*constraints, *kept_apart.constraints(system, slots))
-        beside: list[ca.SX] = []
-        if cell.problem.constraints.static_torque:
-            assert capacity is not None
-            hold = holding_addition(system, capacity)
-            beside, constraints = [hold.variables], (*constraints, *hold.constraints)
+        numbers = ca.SX.sym("numbers", size)
+        parameters, inertia = [numbers], None
+        if places is not None:
+            # Demands are told for the inertia, in world axes, of where a solve starts.
+            m = system.space.m
+            entries = ca.SX.sym("inertia", m * (m + 1) // 2)
+            inertia = symmetric(entries, m)
+            parameters.append(entries)
+        parameters += [term.parameters for term in terms]
+        pinned = None if places is None else places.pinned
+        kept = [*closure_constraints(system, pinned), *(c for t in terms for c in t.constraints)]
+        own = objective.term(system, cell.problem.axes, numbers, capacity, inertia)
+        variables = [own.variables, *(term.variables for term in terms)]
+        self._gram = None
+        if own.gram is not None:
+            self._gram = ca.Function("gram", [system.q, system.parameters], [own.gram])
 
-        def task(extra: ca.SX, value: ca.SX, constraints: tuple[Constraint, ...]) -> _Task:
-            variables = ca.vertcat(*beside, extra)
-            numbers = ca.vertcat(given, slots)
-            return _Task(system.q, variables, system.parameters, numbers, value, constraints)
+        def solver(part: Term, variables: list[ca.SX], constraints: list[Constraint]) -> _Solver:
+            task = _Task(
+                system.q, ca.vertcat(*variables), system.parameters, ca.vertcat(*parameters),
+                part.value, tuple(constraints),
+            )  # fmt: skip
+            quick = places is None and any(term.parameters.numel() for term in terms)
+            return _Solver(task, places, exact_hessian=part.exact_hessian, quick=quick)
 
-        self._gram: ca.Function | None = None
-        self._smooth = None
-        if isinstance(objective, EllipsoidMeasure):
-            axes = list(cell.problem.axes)
-            gram = objective.form.system_gram(system, objective.scales)[axes, axes]
-            formulation = objective.formulate(gram, symbols)
-            self._gram = ca.Function("gram", [system.q, system.parameters], [gram])
-            if formulation.smooth is not None:
-                stand_in = task(ca.SX(0, 1), formulation.smooth, constraints)
-                self._smooth = _Solver(
-                    stand_in, places, quick=kept_apart is not None and places is None
-                )
-            if formulation.zero.numel():
-                constraints += (equality("bounds on the semi-axes", formulation.zero, "1"),)
-            whole = task(formulation.extra, formulation.value, constraints)
-        else:
-            assert isinstance(objective, LimitsMeasure) and capacity is not None
-            turned = None
-            if places is not None:
-                # Demands are told for the inertia, in world axes, of where a solve starts.
-                m = system.space.m
-                inertia = ca.SX.sym("inertia", m * (m + 1) // 2)
-                given = ca.vertcat(symbols, inertia)
-                turned = system.object.M_o - symmetric(inertia, m)
-            addition = limits_addition(system, objective, symbols, capacity, turned)
-            assert addition.value is not None
-            beside = [addition.variables, *beside]
-            value = addition.value / addition.size
-            whole = task(ca.SX(0, 1), value, (*constraints, *addition.constraints))
-        self.constraints = whole.constraints
-        self._exact = _Solver(
-            whole,
-            places,
-            exact_hessian=isinstance(objective, LimitsMeasure),
-            quick=kept_apart is not None and places is None,
-        )
-        self.rows, self.expressions = self._exact.rows, self._exact.expressions
+        kept += own.constraints
+        self._first, self._sharp = solver(own, variables, kept), None
+        if own.sharp is not None:
+            kept, variables = [*kept, *own.sharp.constraints], [*variables, own.sharp.variables]
+            self._sharp = solver(own.sharp, variables, kept)
+        self.constraints, last = tuple(kept), self._sharp or self._first
+        self.rows, self.expressions = last.rows, last.expressions
 
     def gram_at(self, q: Array, parameters: Array) -> Array:
         """G of stacked joint positions, (a, a), of an objective that measures an ellipsoid."""
@@ -342,18 +326,17 @@ class PostureProgram:
             np.all(np.isfinite(gram)) for gram in self._grams(start, given)
         ):
             return _not_started(start)
-        more = np.concatenate([each.beside for each in given])
-        first = self._exact if self._smooth is None else self._smooth
-        near = first.run(start, more, numbers, lower, upper)
+        options, beside = self._options, np.concatenate([each.beside for each in given])
+        near = self._first.run(start, beside, numbers, lower, upper)
         if not near.converged:
-            nudge = _NUDGE * np.random.default_rng(0).normal(size=len(start))
-            near = first.run(start + nudge, more, numbers, lower, upper)
-        if self._smooth is None or not isinstance(self.objective, EllipsoidMeasure):
+            nudge = options.nudge * np.random.default_rng(0).normal(size=len(start))
+            near = self._first.run(start + nudge, beside, numbers, lower, upper)
+        if self._sharp is None:
             return near
-        measure = self.objective
-        if near.converged and self._at_ceiling(measure, self._grams(near.q, given)):
+        if near.converged and all(map(self.objective.at_ceiling, self._grams(near.q, given))):
             return near
-        attempts = [(near.q, _FIRST_SLACK), *((start, slack) for slack in _WIDER_SLACKS)]
+        attempts = [(near.q, options.first_slack)]
+        attempts += [(start, slack) for slack in options.wider_slacks]
         end = near
         for q, slack in attempts:
             grams = self._grams(q, given)
@@ -363,9 +346,9 @@ class PostureProgram:
             extra = [
                 part
                 for each, gram in zip(given, grams, strict=True)
-                for part in (each.beside, measure.extra_start(gram, slack))
+                for part in (each.beside, self.objective.sharp_start(gram, slack))
             ]
-            end = self._exact.run(q, np.concatenate(extra), numbers, lower, upper)
+            end = self._sharp.run(q, np.concatenate(extra), numbers, lower, upper)
             if end.converged:
                 break
         return end
@@ -378,9 +361,6 @@ class PostureProgram:
             self.gram_at(q, place)
             for q, place in self._places.taken(start, [each.place for each in given])
         ]
-
-    def _at_ceiling(self, objective: EllipsoidMeasure, grams: Sequence[Array]) -> bool:
-        return all(objective.of_grams(gram[None])[0] >= objective.ceiling - 1e-9 for gram in grams)
 
 
 def _not_started(q: Array) -> LocalSolve:

@@ -13,11 +13,6 @@ from pydantic import ValidationError
 from copose.errors import InputError
 from copose.poses import Pose
 from copose.problem.file.messages import explain
-from copose.problem.objectives import (
-    AccelerationObjective,
-    TaskCompatibilityObjective,
-    WeightedDirection,
-)
 from copose.problem.objects import Placement, PlanarObject, PlanarPlacement
 from copose.problem.spaces import SPACES
 from copose.problem.spec import PlanarProblem, Problem, SpatialProblem
@@ -183,12 +178,7 @@ def case_problems(problem: Problem) -> tuple[Problem, ...]:
                 inertia = np.array(thing.inertia) * (case.mass / thing.mass)
                 update["inertia"] = _as_tuples(inertia)
         if case.direction is not None:
-            asked: dict[str, object] = {"direction": case.direction}
-            if isinstance(objective, TaskCompatibilityObjective):
-                asked = {"directions": (WeightedDirection(direction=case.direction),)}
-            elif isinstance(objective, AccelerationObjective):
-                asked["directions"] = None
-            objective = objective.model_copy(update=asked)
+            objective = objective.along(case.direction)
         update = {"object": thing.model_copy(update=update), "objective": objective}
         found.append(_with(problem, update))
     return tuple(found)

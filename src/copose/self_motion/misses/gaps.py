@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from copose.poses import Array
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
+from copose.posture.setting import Setting
 from copose.results import Solution
 from copose.self_motion.least_squares import nearest
 from copose.self_motion.projection import CLOSED, project

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from copose.poses import Array, Pose, quaternion_product, rotation_rows
-from copose.posture.model import PostureModel, Setting
+from copose.posture.model import PostureModel
+from copose.posture.setting import Setting
 from copose.robots import finite_range, freed
 from copose.robots.reach_bounds import excluded
 from copose.self_motion.least_squares import nearest

@@ -1,0 +1,85 @@
+"""The interface of a constraint on postures, beside the closed chain and joint limits.
+
+Screening, judging, programs, acceptance and the notes of a result ask a constraint, and never
+which one it is. A constraint is one class and one entry of `constraint_table.CONSTRAINTS`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar, Self
+
+import casadi as ca
+import numpy as np
+
+from copose.capability import Sums
+from copose.cell.cell import Cell
+from copose.cell.context import PostureContext
+from copose.cell.dynamics import CellDynamics
+from copose.constraints.constraint import ConstraintTerm
+from copose.mechanics import System
+from copose.poses import Array, Mask
+from copose.results import Posture
+
+
+class PostureConstraint(ABC):
+    """A condition that a posture must keep."""
+
+    name: ClassVar[str]
+    """Of the variables that it adds to a program."""
+    torque_limited: ClassVar[bool] = False
+    """True where torque limits decide."""
+    judged: ClassVar[bool] = True
+    """True where `allows` is too slow for every combination of the arms' postures, so that only
+    those that screening chooses are asked; where false screening asks of all."""
+    sums: Sums | None = None
+    """Sums over the arms by which screening rules out what certainly breaks it."""
+
+    @classmethod
+    @abstractmethod
+    def of(cls, cell: Cell, *, moving: bool) -> Self | None:
+        """The constraint as a problem asks for it, of its postures or, ``moving``, of the knots of
+        its path; None where it does not.
+        """
+
+    @abstractmethod
+    def allows(self, context: PostureContext, q: Sequence[Array]) -> Mask:
+        """A mask of the postures, by arm (count, n_i), that keep it, (count,)."""
+
+    def shares(self, context: PostureContext, q: Sequence[Array]) -> Array | None:
+        """Shares of a limit that postures, by arm (count, n_i), use, (count,), where that is told
+        of many postures.
+        """
+        return None
+
+    def certainly_broken(self, sums: ca.SX, weight: ca.SX, n_joints: int) -> ca.SX:
+        """True where its `sums` tell that no posture with them keeps it.
+
+        Args:
+            sums: of all arms.
+            weight: what holds the object against gravity, (b,).
+            n_joints: of all arms.
+        """
+        raise NotImplementedError(self.name)
+
+    def term(self, system: System, capacity: CellDynamics | None) -> ConstraintTerm | None:
+        """The term in every program; None where its rows are generated as programs need them.
+
+        Args:
+            system: the expressions.
+            capacity: equations of motion, where torque limits matter.
+        """
+        return None
+
+    def starts(self, context: PostureContext, q: Sequence[Array]) -> Array:
+        """Starts of the term's variables at postures, by arm (count, n_i); (count, v)."""
+        return np.zeros((len(q[0]), 0))
+
+    @abstractmethod
+    def kept(self, posture: Posture) -> bool:
+        """True where a measured posture keeps it."""
+
+    def note(self, posture: Posture) -> str | None:
+        """A sentence on how a measured posture breaks it, unless the measurement has it already."""
+        return None
