@@ -22,9 +22,9 @@ from pathlib import Path
 import numpy as np
 
 import copose
-from copose.live.document import Changes
-from copose.live.gizmos import Gizmo
 from copose.live.page import Page
+from copose.live.problem_file.document import Changes
+from copose.live.scene.gizmos import Gizmo
 from copose.poses import Array, Pose
 
 PROBLEM = Path(__file__).parent.parent / "problems" / "two-panda-box.toml"

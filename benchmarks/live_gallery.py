@@ -20,8 +20,8 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 import copose
-from copose.live.gizmos import Gizmo
 from copose.live.page import Page
+from copose.live.scene.gizmos import Gizmo
 from copose.poses import Pose
 
 sys.path.append(str(gallery.ROOT / "tests"))

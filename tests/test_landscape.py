@@ -19,8 +19,8 @@ from PIL import Image
 import copose
 from cells import planar, tables
 from copose.errors import InputError
-from copose.live.landscape_figure import curve_svg, short_name
-from copose.live.landscape_map import map_svg
+from copose.live.plots.landscape_figure import curve_svg, short_name
+from copose.live.plots.landscape_map import map_svg
 from copose.problem import moved, parse
 from reference import UrdfArm, pose
 

@@ -18,11 +18,11 @@ from cells import closed_postures, planar, two_pandas
 from copose.cell.cell import Cell
 from copose.problem import parse
 from copose.report import compare, comparison_table, picture, solution_table, style
-from copose.report.exact_sets import SetPicture, draw_set, set_pictures
-from copose.report.forces import holding_arrows
-from copose.report.limits import limit_lines
-from copose.report.slices import angular_slice, linear_slice
-from copose.report.solids import Solid
+from copose.report.charts.exact_sets import SetPicture, draw_set, set_pictures
+from copose.report.geometry.hulls import Solid
+from copose.report.geometry.slices import angular_slice, linear_slice
+from copose.report.scene.forces import holding_arrows
+from copose.report.text.limits import limit_lines
 from copose.results import (
     AccelerationRecord,
     EllipsoidRecord,

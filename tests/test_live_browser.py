@@ -21,8 +21,8 @@ pytest.importorskip("viser")
 import copose
 import reference
 from browser import Chromium, View
-from copose.live.gizmos import Gizmo
 from copose.live.page import Page
+from copose.live.scene.gizmos import Gizmo
 from copose.poses import Pose
 from copose.report import style
 from copose.viewer.robots import rgb

@@ -21,8 +21,8 @@ pytest.importorskip("viser")
 import copose
 from copose.cli import main
 from copose.live import handle
-from copose.live.gizmos import Gizmo
 from copose.live.page import Page
+from copose.live.scene.gizmos import Gizmo
 from copose.poses import Pose
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

@@ -15,12 +15,12 @@ from scipy.interpolate import CubicHermiteSpline
 
 import copose
 import path_problems
-from copose.live.document import Document
-from copose.live.gizmos import Gizmo
 from copose.live.page import Page
-from copose.live.path_figure import motion_svg
+from copose.live.panels.path_words import instant, instant_headline, motion_headline
 from copose.live.path_motion import PathMotion
-from copose.live.path_words import instant, instant_headline, motion_headline
+from copose.live.plots.path_figure import motion_svg
+from copose.live.problem_file.document import Document
+from copose.live.scene.gizmos import Gizmo
 from copose.live.session import Session
 from copose.loader import parse
 from copose.motion.path.object_motion import waypoint_poses

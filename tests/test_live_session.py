@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import copose
-from copose.live import aims
-from copose.live.document import Document, key
-from copose.live.gizmos import Gizmo, robot_mates
+from copose.live.panels import objectives as aims
+from copose.live.problem_file.document import Document, key
+from copose.live.scene.gizmos import Gizmo, robot_mates
 from copose.live.session import Session
 from copose.live.state import Aim, State
 from copose.live.worker import Worker

@@ -29,27 +29,20 @@ from copose.cli import main
 from copose.poses import Pose
 from copose.posture import Planner, evaluate
 from copose.problem import parse
-from copose.report import (
-    compare,
-    comparison_table,
-    draw_comparison,
-    picture,
-    polygons,
-    solution_table,
-    style,
-)
-from copose.report.camera import best_view
-from copose.report.cases import cases_figure
-from copose.report.frames import View
-from copose.report.link_bodies import LinkBodies, LinkBody
-from copose.report.moves import moved_words
-from copose.report.planar import planar_figure
-from copose.report.ranges import ranges
+from copose.report import compare, comparison_table, draw_comparison, picture, solution_table, style
+from copose.report.figures.cases import cases_figure
+from copose.report.figures.moves import moved_words
+from copose.report.figures.planar import planar_figure
+from copose.report.figures.spatial import spatial_figure
+from copose.report.geometry.camera import best_view
+from copose.report.geometry.free_ranges import ranges
+from copose.report.geometry.link_bodies import LinkBodies, LinkBody
+from copose.report.geometry.obstacles import bodies
+from copose.report.geometry.shapes import cut
+from copose.report.geometry.view import View
 from copose.report.rows import case_rows
-from copose.report.shapes import cut
-from copose.report.spatial import spatial_figure
+from copose.report.scene import polygons
 from copose.report.style import panels
-from copose.report.surroundings import bodies
 from copose.results import (
     CasePosture,
     CollisionRecord,
@@ -421,7 +414,7 @@ def scenes(monkeypatch: pytest.MonkeyPatch) -> Callable[[Solution], list[tuple[A
             super().__init__(verts, **more)
             self.given = [np.array(each) for each in verts]
 
-    monkeypatch.setattr("copose.report.polygons.Poly3DCollection", Known)
+    monkeypatch.setattr("copose.report.scene.polygons.Poly3DCollection", Known)
 
     def found(solution: Solution) -> list[tuple[Axes, list]]:
         shown = [ax for ax in spatial_figure(panels(solution), "").axes if ax.name == "3d"]

@@ -19,10 +19,10 @@ import copose
 from cells import FILES, tables, two_pandas
 from cells import toml as toml_text
 from copose.errors import InputError
-from copose.live import toml_text as edited
-from copose.live.problem_file import problem_text, save_problem
-from copose.live.tables import tables_of
-from copose.live.toml_text import text_of, text_with
+from copose.live.problem_file import toml_text as edited
+from copose.live.problem_file.saving import problem_text, save_problem
+from copose.live.problem_file.tables import tables_of
+from copose.live.problem_file.toml_text import text_of, text_with
 from copose.problem import Problem, held, overridden
 from copose.problem import parse as parse_complete
 from reference import PROBLEMS
@@ -473,7 +473,7 @@ import sys, tomllib
 from pathlib import Path
 sys.modules["tomlkit"] = None
 import copose
-from copose.live.problem_file import save_problem
+from copose.live.problem_file.saving import save_problem
 file = Path({str(file)!r})
 of_file = copose.load(file, set={{"object.mass": 3}})
 of_tables = copose.parse(tomllib.loads(file.read_text()))

@@ -12,7 +12,7 @@ import pytest
 import copose
 from cells import PANDA, planar, tables, toml
 from copose.cli import main
-from copose.report.start_figure import start_figure
+from copose.report.figures.start import start_figure
 from copose.robots.paths import resolve
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from copose.problem import Problem
-    from copose.report.picture import Style
+    from copose.report.figures.files import Style
     from copose.results import Motion, Solution
 
 SOLVED, WRONG_INPUT, INFEASIBLE, FAILED = 0, 2, 3, 4

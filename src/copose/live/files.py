@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from copose.errors import InputError
-from copose.live.problem_file import save_problem
+from copose.live.problem_file.saving import save_problem
 from copose.live.state import State
 from copose.results import Solution, to_json, write_file
 

@@ -69,7 +69,7 @@ class LivePage:
         Raises:
             InputError: there is no such thing, or it is no place.
         """
-        from copose.live.gizmos import Gizmo
+        from copose.live.scene.gizmos import Gizmo
 
         gizmo = Gizmo(kind, name)
         pose = gizmo.placed(self.problem, place)

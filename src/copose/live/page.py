@@ -12,16 +12,16 @@ from pathlib import Path
 from typing import Any
 
 from copose.errors import InputError
-from copose.live import aims
-from copose.live.by_hand import ByHand
-from copose.live.document import Document, case_names
 from copose.live.files import file_named, save
-from copose.live.gizmos import Gizmo
-from copose.live.panel import Panel
+from copose.live.jog import ByHand
+from copose.live.panels import objectives as aims
+from copose.live.panels.panel import Panel
+from copose.live.panels.path_words import instant_headline
 from copose.live.path_player import PathPlayer
-from copose.live.path_words import instant_headline
+from copose.live.problem_file.document import Document, case_names
+from copose.live.scene.gizmos import Gizmo
+from copose.live.scene.stage import Stage
 from copose.live.session import Session
-from copose.live.stage import Stage
 from copose.live.state import Aim, State
 from copose.live.worker import Task, Worker
 from copose.poses import Pose

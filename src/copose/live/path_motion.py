@@ -10,7 +10,7 @@ import numpy as np
 
 from copose.errors import InputError
 from copose.formats import trajectory_csv
-from copose.live.document import place
+from copose.live.problem_file.document import place
 from copose.live.session import Session
 from copose.live.state import State
 from copose.motion import plan

@@ -9,9 +9,9 @@ import viser
 
 from copose.errors import InputError
 from copose.live.files import file_named
-from copose.live.path_lines import PathDrawing
+from copose.live.panels.path_panel import PathPanel
 from copose.live.path_motion import PathMotion
-from copose.live.path_panel import PathPanel
+from copose.live.scene.path_lines import PathDrawing
 from copose.live.session import Session
 from copose.live.state import State
 from copose.live.worker import Worker

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 from copose.errors import InputError
-from copose.live.document import Changes, Document
+from copose.live.problem_file.document import Changes, Document
 from copose.live.state import Aim, State, Step
 from copose.live.transition import self_motion_way
 from copose.poses import Array

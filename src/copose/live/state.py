@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from copose.live.document import Changes
+from copose.live.problem_file.document import Changes
 from copose.poses import Array
 from copose.posture.run.run import EffortName
 from copose.problem import Problem

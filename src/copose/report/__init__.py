@@ -1,8 +1,7 @@
 """Tables and figures of results."""
 
-from copose.report.comparing import Comparison, compare, comparison_table
-from copose.report.motion_table import motion_table
-from copose.report.picture import (
+from copose.report.comparison import Comparison, compare, comparison_table
+from copose.report.figures.files import (
     check_format,
     draw,
     draw_comparison,
@@ -13,7 +12,8 @@ from copose.report.picture import (
     saved,
     starts_figure,
 )
-from copose.report.tables import chains, guesses, solution_table
+from copose.report.text.motion import motion_table
+from copose.report.text.solution import chains, guesses, solution_table
 
 __all__ = [
     "Comparison",

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from copose.poses import Array, rotation_rows
-from copose.report.camera import best_view
-from copose.report.link_bodies import LinkBody
+from copose.report.geometry.camera import best_view
+from copose.report.geometry.link_bodies import LinkBody
 from copose.results import Posture
 from copose.robots import Arm
 from copose.viewer.looks import Look

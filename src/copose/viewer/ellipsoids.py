@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from copose.poses import Array, Pose
-from copose.report.slices import Slice
+from copose.report.geometry.slices import Slice
 
 # Thickness of a flat slice, as a share of its longest semi-axis.
 _THIN = 0.02

@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from copose.poses import Array, Indices
 from copose.report import style
-from copose.report.solids import Solid
+from copose.report.geometry.hulls import Solid
 from copose.results import ExactSetRecord, Posture
 from copose.viewer.names import node
 from copose.viewer.robots import rgb

@@ -10,7 +10,7 @@ import numpy as np
 from copose.poses import Array
 from copose.problem import Problem
 from copose.report import style
-from copose.report.slices import Slice, angular_slice, linear_slice
+from copose.report.geometry.slices import Slice, angular_slice, linear_slice
 from copose.results import Posture
 from copose.viewer.ellipsoids import Stretch, circle
 from copose.viewer.names import node

@@ -1,0 +1,1 @@
+"""The scene of the page, and the gizmos by which it is dragged."""

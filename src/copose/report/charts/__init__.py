@@ -1,0 +1,1 @@
+"""Charts of quantities: exact sets, torque shares, motions along time."""

@@ -1,0 +1,268 @@
+"""Pictures of exact sets of accelerations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
+from matplotlib.patches import Patch
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+
+from copose.capability import Ellipsoid
+from copose.poses import Array
+from copose.problem import SPACES
+from copose.report import style
+from copose.report.charts.legends import legend_below
+from copose.report.geometry.hulls import Solid
+from copose.report.geometry.slices import Slice
+from copose.report.geometry.view import View, frame, roomy
+from copose.report.style import Panel
+from copose.results import ExactSetRecord
+
+# Faces that meet at a smaller angle, degrees, have a finer edge drawn between them.
+_SHARP = 45.0
+_LABELS = {
+    "set": "exact set",
+    "ellipsoid": "ellipsoid within it",
+    "ball": "largest ball around rest",
+    "rest": "rest",
+    "center": "centre: zero torque",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class SetPicture:
+    """An exact set of linear or of angular accelerations, in its own coordinates.
+
+    Attributes:
+        name: linear or angular.
+        record: the set.
+        others: whether other accelerations are zero in it.
+    """
+
+    name: str
+    record: ExactSetRecord
+    others: bool
+
+    @property
+    def color(self) -> str:
+        """Of its ellipsoid."""
+        return style.SYSTEM if self.name == "linear" else style.ANGULAR
+
+    @property
+    def solid(self) -> bool:
+        """Whether it needs axes in space."""
+        return len(self.record.axes) == 3
+
+    @property
+    def title(self) -> str:
+        """What is drawn."""
+        record, others = self.record, "others zero; " if self.others else ""
+        ball = f"ball of radius {style.three(record.residual_radius)} around rest"
+        if not record.vertices:
+            ball = "none is within the torque limits"
+        elif not record.residual_radius:
+            ball = "rest is outside"
+        unit = style.plain_unit(record.axes)
+        return f"exact set of {self.name} accelerations, {unit}\n{others}{ball}"
+
+    @property
+    def world(self) -> list[int]:
+        """Which coordinate of the picture each coordinate of the set is."""
+        axes = self.record.axes
+        if not self.solid:
+            return list(range(len(axes)))
+        return [(style.LINEAR_AXES | style.ANGULAR_AXES)[axis] for axis in axes]
+
+    @property
+    def names(self) -> list[str]:
+        """Of the picture's coordinates."""
+        return [self.record.axes[self.world.index(i)] for i in range(len(self.world))]
+
+    @property
+    def corners(self) -> Array:
+        """In the picture's coordinates, (k, a)."""
+        points = np.array(self.record.vertices).reshape(-1, len(self.world))
+        return points[:, np.argsort(self.world)]
+
+    @property
+    def ellipsoid(self) -> Ellipsoid | None:
+        """In the picture's coordinates; None where there is none."""
+        ellipsoid = self.record.ellipsoid.value
+        return None if ellipsoid is None else ellipsoid.sliced(np.argsort(self.world).tolist())
+
+    def surface(self, ellipsoid: Ellipsoid) -> Array:
+        """Points of the ellipsoid's surface, (…, a), as `Slice` has them."""
+        around = Slice(ellipsoid, tuple(range(len(self.world)))).surface
+        return np.asarray(ellipsoid.center + around[..., : len(self.world)])
+
+
+def set_pictures(panels: list[Panel]) -> list[SetPicture]:
+    """The exact sets of a picture of one posture that holds the object."""
+    panel = panels[0]
+    if len(panels) > 1 or panel.name == style.MISS:
+        return []
+    space = SPACES[panel.solution.problem.space]
+    records = panel.posture.exact_sets or {}
+    return [
+        SetPicture(name, record, set(record.axes) != set(space.coordinates))
+        for name, record in records.items()
+    ]
+
+
+def draw_set(figure: Figure, place: SubplotSpec, picture: SetPicture, columns: int) -> None:
+    """A set, its ellipsoid, the ball around rest, rest and the ellipsoid's centre.
+
+    Args:
+        figure: where.
+        place: where in it.
+        picture: what.
+        columns: of the legend, 0 for none.
+    """
+    height = 0.96 if picture.solid else None
+    if not picture.solid:
+        # Room for labels and legend, which axes in space have within them.
+        rooms = place.subgridspec(
+            3, 2, height_ratios=[0.03, 1, 0.1], width_ratios=[0.08, 1], hspace=0, wspace=0
+        )
+        place = rooms[1, 1]
+    if not picture.record.vertices:
+        nothing = figure.add_subplot(place)
+        nothing.set_title(picture.title, loc="left", y=height)
+        nothing.set_axis_off()
+        return
+    ax: Any = figure.add_subplot(place, projection="3d" if picture.solid else None)
+    ax.tick_params(labelsize=8)
+    {1: _interval, 2: _polygon, 3: _solid}[len(picture.world)](ax, picture)
+    ax.set_title(picture.title, loc="left", y=height)
+    if columns:
+        handles, labels = ax.get_legend_handles_labels()
+        if picture.solid:
+            # Faces and surfaces have no entries of their own.
+            patches = {"set": (style.EXACT, 0.4), "ellipsoid": (picture.color, 0.9)}
+            shown = [key for key in patches if key == "set" or picture.ellipsoid is not None]
+            handles = [*(Patch(color=patches[key]) for key in shown), *handles]
+            labels = [*(_LABELS[key] for key in shown), *labels]
+        legend_below(ax, handles, labels, columns=columns, points=8 if picture.solid else 36)
+
+
+def _interval(ax: Any, picture: SetPicture) -> None:
+    """One axis: a bar, the ellipsoid's part of it, and the ball as a bracket."""
+    ends, radius = picture.corners, picture.record.residual_radius
+    ax.fill_between(ends[:, 0], -1, 1, color=style.EXACT, alpha=0.3, label=_LABELS["set"])
+    if picture.ellipsoid is not None:
+        inner = picture.surface(picture.ellipsoid)[:, 0]
+        ax.fill_between(inner, -0.5, 0.5, color=picture.color, alpha=0.6,
+                        label=_LABELS["ellipsoid"])  # fmt: skip
+    if radius:
+        ax.plot([-radius, radius], [0, 0], color=style.INK, linestyle=":", marker="|",
+                markersize=14, label=_LABELS["ball"])  # fmt: skip
+    _points(ax, picture)
+    ax.set_ylim(-1.5, 1.5)
+    ax.set_yticks([])
+    ax.set_box_aspect(0.25)
+    for side in ("top", "right", "left"):
+        ax.spines[side].set_visible(False)
+    ax.set_xlabel(_labels(picture)[0])
+
+
+def _polygon(ax: Any, picture: SetPicture) -> None:
+    """Two axes: polygon, ellipse and circle."""
+    ax.grid(True, color="#EEEEEE", linewidth=0.8)
+    ax.set_axisbelow(True)
+    ax.fill(*picture.corners.T, facecolor=(style.EXACT, 0.3), edgecolor=style.EXACT,
+            linewidth=1.8, label=_LABELS["set"])  # fmt: skip
+    if picture.ellipsoid is not None:
+        curve = picture.surface(picture.ellipsoid)
+        ax.fill(*curve.T, facecolor=(picture.color, 0.45), edgecolor=picture.color,
+                linewidth=1.8, label=_LABELS["ellipsoid"])  # fmt: skip
+    if picture.record.residual_radius:
+        ax.plot(*picture.record.residual_radius * _circle().T, color=style.INK, linewidth=1.4,
+                linestyle=":", label=_LABELS["ball"])  # fmt: skip
+    _points(ax, picture)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_xlabel(_labels(picture)[0])
+    ax.set_ylabel(_labels(picture)[1])
+
+
+def _solid(ax: Any, picture: SetPicture) -> None:
+    """Three axes: back of the polyhedron, ellipsoid, front of it, outline of the ball."""
+    ax.computed_zorder = False
+    ax.set_proj_type("ortho")
+    seen = View()
+    view = seen.axes
+    points = [np.zeros((1, 3)), picture.corners]
+    solid = Solid.of(picture.corners)
+    if solid is not None:
+        _shell(ax, solid, view)
+    if picture.ellipsoid is not None:
+        surface = picture.surface(picture.ellipsoid)
+        points.append(surface.reshape(-1, 3))
+        normals = (surface - picture.ellipsoid.center) @ picture.ellipsoid.gram
+        bright = _lit(normals, view, 0.6)[..., None] * to_rgb(picture.color)
+        ax.plot_surface(*np.moveaxis(surface, -1, 0), facecolors=bright, shade=False, linewidth=0,
+                        rstride=1, cstride=1, antialiased=False, zorder=3)  # fmt: skip
+    radius = picture.record.residual_radius
+    if radius:
+        circle = radius * _circle() @ view[:2]
+        points.append(circle)
+        ax.plot(*circle.T, color=style.INK, linewidth=1.3, linestyle=":", zorder=6,
+                label=_LABELS["ball"])  # fmt: skip
+    _points(ax, picture, zorder=7)
+    frame(ax, *roomy(np.vstack(points)), _labels(picture), seen, whole=True)
+
+
+def _shell(ax: Any, solid: Solid, view: Array) -> None:
+    """A solid that one looks into: its back in shades, its front as a veil with edges."""
+    front = solid.normals @ view[2] > 0
+    behind = np.flatnonzero(~front)
+    # Seen from inside.
+    pale = 0.9 * _lit(-solid.normals[behind], view, 0.5)[:, None]
+    tints = pale + (1 - pale) * to_rgb(style.EXACT)
+    back = Poly3DCollection([solid.faces[k] for k in behind], facecolors=tints, edgecolors=tints,
+                            linewidth=0.4, zorder=2)  # fmt: skip
+    # In one piece: translucent faces would show their seams.
+    rim = solid.outline(view[:2])
+    veil = Poly3DCollection([rim], facecolor=style.EXACT, alpha=0.2, zorder=4)
+    meeting = front[solid.sides].all(axis=1)
+    one, other = solid.normals[solid.sides[meeting].T]
+    angles = np.degrees(np.arccos(np.clip(np.sum(one * other, axis=1), -1, 1)))
+    edges = Line3DCollection(solid.edges[meeting], colors=style.EXACT, zorder=5,
+                             linewidths=0.9 * np.minimum(angles / _SHARP, 1))  # fmt: skip
+    for part in (back, veil, edges):
+        # Limits are set by hand, and faces of unequal length have none to tell.
+        ax.add_collection(part, autolim=False)
+    ax.plot(*np.vstack([rim, rim[:1]]).T, color=style.EXACT, linewidth=1.5, zorder=5)
+
+
+def _lit(normals: Array, view: Array, least: float) -> Array:
+    """How bright surfaces with such normals, (…, 3), are in light from the upper left, up to 1."""
+    light = np.array([-0.4, 0.7, 0.7]) @ view
+    cosines = normals @ light / np.linalg.norm(light) / np.linalg.norm(normals, axis=-1)
+    return np.asarray(least + (1 - least) * np.clip(cosines, 0, 1))
+
+
+def _labels(picture: SetPicture) -> list[str]:
+    unit = style.plain_unit(picture.record.axes)
+    return [f"{name}, {unit}" for name in picture.names]
+
+
+def _circle() -> Array:
+    angle = np.linspace(0, 2 * np.pi, 181)
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _points(ax: Any, picture: SetPicture, **more: Any) -> None:
+    """Rest and the ellipsoid's centre."""
+    rest = np.zeros((max(len(picture.world), 2), 1))
+    ax.plot(*rest, linestyle="", marker="o", markersize=7, color=style.INK,
+            markeredgecolor="white", label=_LABELS["rest"], **more)  # fmt: skip
+    if picture.ellipsoid is not None:
+        center = rest.copy()
+        center[: len(picture.world), 0] = picture.ellipsoid.center
+        ax.plot(*center, linestyle="", marker="P", markersize=9, color="white",
+                markeredgecolor=style.INK, label=_LABELS["center"], **more)  # fmt: skip

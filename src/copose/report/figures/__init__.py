@@ -1,0 +1,1 @@
+"""Whole pictures of results, and their files."""

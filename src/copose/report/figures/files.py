@@ -1,0 +1,246 @@
+"""Figures of results as files."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+import os
+import sys
+import threading
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, overload
+
+from copose.errors import InputError
+from copose.problem import SPACES, Problem
+from copose.report import style as looks
+from copose.report.comparison import Comparison
+from copose.report.rows import Row, case_rows, result_row
+from copose.results import Motion, Solution, write_file
+from copose.robots import ArmStart
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS = (".png", ".pdf", ".svg")
+# How arms in space are drawn.
+Style: TypeAlias = Literal["bodies", "sticks"]
+_Answer = TypeVar("_Answer", Solution, Motion)
+# Settings of Matplotlib are those of the whole process.
+_LOCK = threading.Lock()
+
+
+def check_format(path: Path) -> None:
+    """Refuse a file name whose ending names no known format.
+
+    Raises:
+        InputError: listing the endings that would be right.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(
+            f"{path.suffix or 'no ending'}: a picture ends in {', '.join(FORMATS)}", file=path
+        )
+
+
+def picture(answer: Solution | Motion, kind: str, style: Style = "bodies") -> bytes:
+    """A result's picture as a file's content.
+
+    Args:
+        answer: with at least one posture.
+        kind: png, pdf or svg.
+        style: how arms in space are drawn.
+    """
+    return saved(figure(answer, style), kind)
+
+
+def motion_animation(motion: Motion, style: Style = "bodies") -> bytes:
+    """A motion in real time as the content of a .gif file.
+
+    Args:
+        motion: with knots.
+        style: how arms in space are drawn.
+    """
+    with _drawing():
+        from copose.report.figures.film import film
+
+        return film(_styled(motion, style))
+
+
+def _styled(answer: _Answer, style: Style) -> _Answer:
+    """An answer, for sticks without its arms' bodies."""
+    if style == "bodies":
+        return answer
+    problem = answer.problem.model_copy(update={"links": ()})
+    return answer.model_copy(update={"problem": problem})
+
+
+def figure(answer: Solution | Motion, style: Style = "bodies") -> Figure:
+    """A result's picture as a Matplotlib figure that pyplot does not know.
+
+    Raises:
+        InputError: the result has no posture to draw.
+    """
+    if isinstance(answer, Motion):
+        if answer.knots is None:
+            raise InputError(f"no motion to draw: {answer.reason}")
+        with _drawing():
+            from copose.report.figures.motion import motion_figure
+
+            return motion_figure(_styled(answer, style))
+    solution = _styled(answer, style)
+    panels, rows = looks.panels(solution), case_rows(solution)
+    if not panels and not rows:
+        raise InputError(f"no posture to draw: {solution.reason}")
+    return _figure(panels, rows, looks.heading(solution))
+
+
+def _figure(panels: list[looks.Panel], rows: list[Row], heading: str) -> Figure:
+    """The rows where there are some, else the panels."""
+    with _drawing():
+        from copose.report.figures.cases import cases_figure
+        from copose.report.figures.planar import planar_figure
+        from copose.report.figures.spatial import spatial_figure
+
+        if rows:
+            return cases_figure(rows, heading)
+        if SPACES[panels[0].solution.problem.space].planar:
+            return planar_figure(panels, heading)
+        return spatial_figure(panels, heading)
+
+
+@contextlib.contextmanager
+def _drawing() -> Iterator[None]:
+    """What all pictures look like, whatever settings of Matplotlib a user or a script has."""
+    # It warns of settings that it does not know, and of folders that it cannot write its font
+    # cache to; fonts are found without.
+    chatter = logging.getLogger("matplotlib")
+    level = chatter.level
+    with _LOCK, warnings.catch_warnings():
+        try:
+            chatter.setLevel(logging.ERROR)
+            matplotlib = _matplotlib()
+            warnings.simplefilter("ignore", matplotlib.MatplotlibDeprecationWarning)
+            defaults = {k: matplotlib.rcParamsDefault[k] for k in matplotlib.rcParamsDefault}
+            del defaults["backend"]
+            # A name in a script that the font lacks is drawn as boxes; there is no more to say.
+            warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+            with matplotlib.rc_context(defaults | looks.RC):
+                yield
+        finally:
+            chatter.setLevel(level)
+
+
+def _matplotlib() -> Any:
+    """Matplotlib, which cannot be loaded where MPLBACKEND names a backend that is not installed.
+
+    Notebooks set it for all that they start. Figures that save themselves need none.
+    """
+    if "matplotlib" in sys.modules:
+        return sys.modules["matplotlib"]
+    backend = os.environ.pop("MPLBACKEND", "")
+    try:
+        import matplotlib
+    finally:
+        if backend:
+            os.environ["MPLBACKEND"] = backend
+    if backend:
+        with contextlib.suppress(ValueError):
+            matplotlib.rcParams["backend"] = backend
+    return matplotlib
+
+
+def saved(figure: Figure, kind: str) -> bytes:
+    """A figure as the content of a png, pdf or svg file."""
+    # The date that these formats carry would make the same result look different every time.
+    metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
+    sink = io.BytesIO()
+    with _drawing():
+        figure.savefig(sink, format=kind, dpi=120, facecolor="white", metadata=metadata)
+    return sink.getvalue()
+
+
+@overload
+def draw(solution: Solution | Motion, path: None = None, style: Style = "bodies") -> Figure: ...
+@overload
+def draw(solution: Solution | Motion, path: str | Path, style: Style = "bodies") -> None: ...
+def draw(
+    solution: Solution | Motion, path: str | Path | None = None, style: Style = "bodies"
+) -> Figure | None:
+    """Draw a result's postures, or a motion.
+
+    Args:
+        solution: what is drawn.
+        path: of a .png, .pdf or .svg file.
+        style: how arms in space are drawn: by their links' convex hulls, or as sticks between
+            their joints.
+
+    Returns:
+        Without a path a Matplotlib figure, which pyplot does not know and a notebook shows.
+
+    Raises:
+        InputError: the file cannot be written, or the result has no posture to draw.
+    """
+    if path is None:
+        drawn = figure(solution, style)
+        # Notebooks that never load pyplot would print no more than the figure's size.
+        drawn._repr_png_ = partial(saved, drawn, "png")  # type: ignore[attr-defined]
+        return drawn
+    file = Path(path)
+    check_format(file)
+    write_file(file, picture(solution, file.suffix.lower()[1:], style))
+    return None
+
+
+def starts_figure(problem: Problem, starts: Sequence[ArmStart], style: Style = "bodies") -> Figure:
+    """Arms at their starts, with the frames of object, tips and grasps."""
+    with _drawing():
+        from copose.report.figures.start import start_figure
+
+        return start_figure(problem, starts, bodies=style == "bodies")
+
+
+def draw_start(
+    problem: Problem, starts: Sequence[ArmStart], path: str | Path, style: Style = "bodies"
+) -> None:
+    """Draw arms at their starts, with the frames of object, tips and grasps, into a .png, .pdf or
+    .svg file.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    file = Path(path)
+    check_format(file)
+    write_file(file, saved(starts_figure(problem, starts, style), file.suffix.lower()[1:]))
+
+
+def draw_comparison(comparison: Comparison, path: str | Path, style: Style = "bodies") -> None:
+    """Draw two results' postures side by side, each with the other's ellipsoid as an outline.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    file = Path(path)
+    check_format(file)
+    names = dict.fromkeys(solution.problem.name for solution in comparison.solutions)
+    heading = " and ".join(looks.short(name, 40) for name in names)
+    overlaid = comparison.same_unit and not comparison.cases
+    if not comparison.same_unit:
+        heading += " (torques scaled differently: each at its own scale"
+        heading += ")" if comparison.cases else ", not overlaid)"
+    rows: list[Row] = []
+    panels: list[looks.Panel] = []
+    both = zip(comparison.names, comparison.solutions, comparison.postures, strict=True)
+    for name, told, posture in both:
+        solution = _styled(told, style)
+        if comparison.cases:
+            rows.append(result_row(name, solution))
+        elif posture is not None:
+            panels.append(looks.Panel(name, posture, solution))
+    if overlaid:
+        one, other = panels
+        panels = [replace(one, other=other), replace(other, other=one)]
+    write_file(file, saved(_figure(panels, rows, heading), file.suffix.lower()[1:]))

@@ -1,0 +1,164 @@
+"""A picture of object and arms before anything is solved, with the frames that matter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+
+from copose.poses import Pose
+from copose.problem import Problem
+from copose.report import style
+from copose.report.geometry.camera import best_view
+from copose.report.geometry.link_bodies import LinkBodies, LinkBody
+from copose.report.geometry.obstacles import bodies as obstacles
+from copose.report.geometry.view import View, frame, roomy
+from copose.report.scene import planar as planar_scene
+from copose.report.scene import spatial as spatial_scene
+from copose.report.scene.polygons import Polygons
+from copose.report.text.starts import StartScene, start_words
+from copose.robots import ArmStart
+
+# Length of a frame's axes, as a share of the scene.
+_LENGTH = 0.09
+
+
+@dataclass(frozen=True, eq=False)
+class _Named:
+    """A frame of the picture, and what it is called.
+
+    Attributes:
+        name: what it is called.
+        pose: in the world.
+        color: of the name.
+        dashed: whether it is where something should be.
+        side: of the frame's origin on which the name stands.
+    """
+
+    name: str
+    pose: Pose
+    color: str
+    dashed: bool = False
+    side: Literal["left", "center", "right"] = "center"
+
+    @property
+    def width(self) -> float:
+        """Of the lines, points."""
+        return 1.4 if self.dashed else 2.4
+
+    @property
+    def line(self) -> Any:
+        """The kind of the lines."""
+        return style.DASHES if self.dashed else "-"
+
+    @property
+    def above(self) -> bool:
+        """Whether the name stands above the origin."""
+        return self.side != "center" and not self.dashed
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """How the name is set: away from the object."""
+        away = {"left": "right", "right": "left", "center": "center"}[self.side]
+        return {
+            "fontsize": 9, "ha": away, "va": "bottom" if self.above else "top", "color": self.color,
+            "path_effects": [withStroke(linewidth=2.5, foreground="white")],
+        }  # fmt: skip
+
+
+def start_figure(problem: Problem, starts: Sequence[ArmStart], *, bodies: bool = True) -> Figure:
+    """Arms at their starts, the object, obstacles, and the frames of object, tips and grasps.
+
+    Args:
+        problem: what is drawn.
+        starts: of its arms.
+        bodies: whether links are drawn, or sticks between joints.
+    """
+    scene, planar = StartScene.of(problem, starts, bodies=bodies), problem.space.planar
+    colors = style.arm_colors(scene.posture)
+    named = [_Named("object", problem.object.pose, style.INK)]
+    links, view = [], View()
+    if not planar:
+        links = LinkBodies.of(scene.problem).placed(scene.posture)
+        view = best_view([(links, spatial_scene.object_points(scene.posture, scene))])
+    right = np.array([1.0, 0.0, 0.0]) if planar else view.axes[0]
+    for start in starts:
+        name, color = style.short(start.arm.name), colors[start.arm.name]
+        places = [("tip", start.tip, False)]
+        places += [] if start.closed else [("grasp", start.grasp, True)]
+        for what, pose, dashed in places:
+            away = float(right @ (pose.position - problem.object.pose.position))
+            side: Literal["left", "right"] = "left" if away < 0 else "right"
+            named.append(_Named(f"{name} {what}", pose, color, dashed, side))
+    given = all(start.given for start in starts)
+    where = "at the start" if given else "without a start, at a random posture"
+    figure = Figure(figsize=(9.0, 8.0))
+    if planar:
+        _draw_planar(figure, scene, named)
+    else:
+        _draw_spatial(figure, scene, named, links, view)
+    figure.suptitle(f"{style.short(problem.name, 60)}: {where}", fontweight="bold", x=0.02,
+                    y=0.985, ha="left")  # fmt: skip
+    words = "\n".join(start_words(start) for start in starts)
+    figure.text(0.02, 0.945, words, fontsize=9.5, va="top")
+    figure.text(0.92, 0.985, "frames:", fontsize=9.5, va="top", ha="right")
+    for k, (axis, color) in enumerate(zip("xy" if planar else "xyz", style.AXES, strict=False)):
+        figure.text(0.94 + 0.02 * k, 0.985, axis, fontsize=9.5, va="top", ha="center", color=color,
+                    fontweight="bold")  # fmt: skip
+    return figure
+
+
+def _draw_spatial(
+    figure: Figure, scene: StartScene, named: Sequence[_Named], links: Sequence[LinkBody],
+    view: View,
+) -> None:  # fmt: skip
+    ax: Any = figure.add_axes((0.0, 0.02, 1.0, 0.88), projection="3d")
+    known = spatial_scene.posture_points(scene.posture, scene)
+    known = np.vstack([known, *(link.points for link in links)])
+    around = obstacles(scene, known.min(axis=0), known.max(axis=0))
+    low, high = roomy(np.vstack([known, *(body.points for body in around)]))
+    size = float((high - low).max())
+    frame(ax, low, high, ("x, m", "y, m", "z, m"), view, whole=True)
+    polygons = Polygons(view, spatial_scene.PIECE * size)
+    for body in around:
+        spatial_scene.draw_body(ax, polygons, body, view)
+    spatial_scene.draw_posture(ax, polygons, scene.posture, scene, links, size)
+    polygons.draw(ax)
+    length = _LENGTH * size
+    for each in named:
+        for axis, color in zip(each.pose.rotation.T, style.AXES, strict=True):
+            ends = np.array([each.pose.position, each.pose.position + length * axis])
+            ax.plot(*ends.T, color=color, linewidth=each.width, linestyle=each.line,
+                    zorder=spatial_scene.ON_TOP)  # fmt: skip
+        offset = view.axes[1] * (0.3 if each.above else -0.3) * length
+        ax.text(*(each.pose.position + offset), each.name, zorder=spatial_scene.ON_TOP + 1,
+                **each.words)  # fmt: skip
+    ax.legend(loc="lower left", frameon=False, fontsize=9)
+
+
+def _draw_planar(figure: Figure, scene: StartScene, named: Sequence[_Named]) -> None:
+    ax = figure.add_axes((0.08, 0.07, 0.89, 0.8))
+    known = planar_scene.posture_points(scene.posture, scene)
+    size = float(np.ptp(known, axis=0).max())
+    around = obstacles(scene, known.min(axis=0), known.max(axis=0))
+    low, high = planar_scene.roomy(np.vstack([known, *(body.points for body in around)]), size)
+    planar_scene.draw_bodies(ax, scene, low, high)
+    planar_scene.draw_posture(ax, scene.posture, scene)
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(low[1], high[1])
+    ax.set_aspect("equal")
+    ax.set_xlabel("x, m")
+    ax.set_ylabel("y, m")
+    length = _LENGTH * size
+    for each in named:
+        origin = each.pose.position[:2]
+        for axis, color in zip(each.pose.rotation[:2, :2].T, style.AXES, strict=False):
+            ends = np.array([origin, origin + length * axis])
+            ax.plot(*ends.T, color=color, linewidth=each.width, linestyle=each.line, zorder=8)
+        ax.annotate(each.name, tuple(origin), xytext=(0, 8 if each.above else -8),
+                    textcoords="offset points", zorder=9, **each.words)  # fmt: skip
+    ax.legend(loc="lower left", frameon=False, fontsize=9)

@@ -1,0 +1,1 @@
+"""Geometry of what pictures show, as plain arrays."""

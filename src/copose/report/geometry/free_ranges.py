@@ -1,0 +1,90 @@
+"""Within which boxes free positions may be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from copose.poses import Array, rotation_rows
+from copose.report.geometry.shapes import turn
+from copose.report.style import MISS, Panel
+from copose.results import CasePosture, FreeRecord, PlanarPlace, Posture
+
+
+@dataclass(frozen=True, eq=False)
+class Range:
+    """The box of positions that something may take; flat along what is not free.
+
+    Attributes:
+        arm: whose base or grasp; None for the object.
+        what: ``object``, ``base`` or ``grasp``.
+        edges: ends of each that has a length, in the world, (e, 2, d).
+    """
+
+    arm: str | None
+    what: str
+    edges: Array
+
+
+def ranges(panel: Panel) -> list[Range]:
+    """The boxes around the file's positions in which a posture's free positions had to be."""
+    posture = panel.posture
+    case = f"{posture.name}: " if isinstance(posture, CasePosture) else ""
+    here = np.array(posture.object.position)
+    nothing, world = np.zeros(len(here)), np.eye(len(here))
+    found = [Range(None, "object", _edges(panel, f"{case}object", here, nothing, world))]
+    for arm, base in (posture.base or {}).items():
+        position = np.array(base.position)
+        found.append(Range(arm, "base", _edges(panel, f"{arm}.base", position, nothing, world)))
+    axes = object_axes(posture)
+    for arm, grasp in (posture.grasp or {}).items():
+        position = np.array(grasp.position)
+        found.append(Range(arm, "grasp", _edges(panel, f"{arm}.grasp", position, here, axes)))
+    return [each for each in found if len(each.edges)]
+
+
+def object_axes(posture: Posture) -> Array:
+    """The rotation of the object, (d, d)."""
+    place = posture.object
+    if isinstance(place, PlanarPlace):
+        return turn(place.angle)
+    return np.array(rotation_rows(place.quaternion))
+
+
+def _offset(record: FreeRecord, panel: Panel) -> float | None:
+    """How far from the file's a coordinate is in a panel; None where nothing says so."""
+    earlier = (panel.solution.before, *(panel.solution.cases_before or ()))
+    was = any(panel.posture is posture for posture in earlier)
+    offset = record.before if was else record.after
+    if offset is None and panel.name == MISS and panel.solution.search is not None:
+        # A search tells of what it misses at the file's pose, or as near to it as the range has it.
+        return min(max(0.0, record.lower), record.upper)
+    return offset
+
+
+def _edges(panel: Panel, name: str, position: Array, origin: Array, axes: Array) -> Array:
+    """The edges, (e, 2, d), of the box around a position, (d,), in a frame of the world."""
+    records = {record.name: record for record in panel.solution.freedom}
+    low, high = position.copy(), position.copy()
+    for k, axis in zip(range(len(position)), "xyz", strict=False):
+        record = records.get(f"{name}.{axis}")
+        offset = None if record is None else _offset(record, panel)
+        if record is not None and offset is not None:
+            file = position[k] - offset
+            low[k], high[k] = file + record.lower, file + record.upper
+    return np.asarray(origin + _box_edges(low, high) @ axes.T)
+
+
+def _box_edges(low: Array, high: Array) -> Array:
+    """The edges of a box that have a length, each once, (e, 2, d)."""
+    free, edges = [k for k in range(len(low)) if high[k] > low[k]], []
+    for axis in free:
+        others = [k for k in free if k != axis]
+        for corner in product(*((low[k], high[k]) for k in others)):
+            edge = np.array([low, low])
+            edge[:, others] = corner
+            edge[1, axis] = high[axis]
+            edges.append(edge)
+    return np.array(edges).reshape(-1, 2, len(low))

@@ -1,0 +1,1 @@
+"""Postures drawn in the plane and in space."""

@@ -1,0 +1,228 @@
+"""One posture in the plane: object, arms, ellipses, and what stands around."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle, PathPatch, Polygon
+from matplotlib.path import Path
+from matplotlib.patheffects import withStroke
+
+from copose.poses import Array
+from copose.problem import PlanarObstacle
+from copose.report import style
+from copose.report.charts import legends
+from copose.report.geometry.free_ranges import ranges
+from copose.report.geometry.link_bodies import flat_links
+from copose.report.geometry.obstacles import bodies
+from copose.report.geometry.shapes import cut, outline
+from copose.report.geometry.slices import Slice, all_coordinates, linear_slice
+from copose.report.style import Drawn, Panel
+from copose.results import PlanarPlace, Posture
+
+# The longest semi-axis drawn, as a share of the scene's larger side.
+_ELLIPSE_SHARE = 0.3
+# Width of a letter of an obstacle's name, as a share of a scene's.
+_LETTER = 0.016
+
+# Centre, slice and arm of an ellipse; the system's has no arm.
+Placed: TypeAlias = tuple[Array, Slice, str | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Axes that all scenes of a picture share.
+
+    Attributes:
+        placed: ellipses, by panel.
+        scales: metres drawn per unit of acceleration, by panel; None where nothing is drawn.
+        size: of arms and objects, m.
+        low: the least x and y of what is drawn, (2,); ``high`` the largest.
+    """
+
+    placed: list[list[Placed]]
+    scales: list[float] | None
+    size: float
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, panels: list[Panel]) -> Stage:
+        """Where all of the panels have room."""
+        points = [_points(panels)]
+        size = float((points[0].max(axis=0) - points[0].min(axis=0)).max())
+        placed = [_placed(panel) for panel in panels]
+        longest = [
+            max((float(p.ellipsoid.radii[0]) for _, p, _ in ps), default=0.0) for ps in placed
+        ]
+        scales = style.scales(panels, longest, _ELLIPSE_SHARE * size)
+        for scale, parts in zip(scales or [], placed, strict=scales is not None):
+            points += [center + scale * part.surface[..., :2] for center, part, _ in parts]
+        for panel in panels:
+            points += [each.edges.reshape(-1, 2) for each in ranges(panel)]
+            outlines = flat_links(panel.solution.problem, panel.posture)
+            points += [rim for rims in outlines.values() for rim in rims]
+        known = np.vstack(points)
+        return cls(placed, scales, size, known.min(axis=0), known.max(axis=0))
+
+    def frame(self, panels: list[Panel], more: Sequence[Array]) -> tuple[Array, Array]:
+        """Limits with obstacles, further points, (2,) each, and a margin."""
+        low, high = self.low, self.high
+        points = [body.points for p in panels for body in bodies(p.solution, low, high)]
+        known = np.vstack([low, high, *more, *points])
+        return roomy(known, self.size)
+
+    def draw(self, ax: Axes, panels: list[Panel], k: int, low: Array, high: Array) -> None:
+        """The scene of one of the panels."""
+        panel = panels[k]
+        draw_bodies(ax, panel.solution, low, high)
+        draw_posture(ax, panel.posture, panel.solution)
+        _ellipses(ax, panel, self.placed[k], self.scales[k] if self.scales else 1.0)
+        _ranges(ax, panel)
+        ax.set_xlim(low[0], high[0])
+        ax.set_ylim(low[1], high[1])
+        ax.set_aspect("equal")
+
+
+def roomy(points: Array, size: float) -> tuple[Array, Array]:
+    """The box around points, (k, 2), with a margin for a scene of a size, m."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    # A flat scene still needs a frame to be read in.
+    least = 0.4 * float((high - low).max())
+    margin = 0.04 * size + np.maximum(least - (high - low), 0.0) / 2
+    return low - margin, high + margin
+
+
+def _placed(panel: Panel) -> list[Placed]:
+    """The ellipses of a posture."""
+    posture, solution = panel.posture, panel.solution
+    found: list[Placed] = []
+    for name, arm in posture.arms.items():
+        own = linear_slice(arm.ellipsoid, all_coordinates(solution))
+        if own is not None and posture.closure_error[name] <= style.OPEN:
+            found.append((np.array(arm.skeleton[-1][:2]), own, name))
+    whole = linear_slice(posture.ellipsoid, solution.problem.axes)
+    if whole is not None:
+        found.append((np.array(posture.object.position), whole, None))
+    return found
+
+
+def _points(panels: list[Panel]) -> Array:
+    """Points of arms and objects."""
+    return np.vstack([posture_points(panel.posture, panel.solution) for panel in panels])
+
+
+def posture_points(posture: Posture, solution: Drawn) -> Array:
+    """Points of arms and object, (k, 2)."""
+    points = [np.array([*arm.skeleton, arm.grasp])[:, :2] for arm in posture.arms.values()]
+    rim = _outline(posture, solution)
+    return np.vstack([*points, *([] if rim is None else [rim]), posture.object.position])
+
+
+def _outline(posture: Posture, solution: Drawn) -> Array | None:
+    shape, place = solution.problem.shape, posture.object
+    if shape is None or not isinstance(place, PlanarPlace):
+        return None
+    return outline(shape, place.position, place.angle)
+
+
+def draw_bodies(ax: Axes, solution: Drawn, low: Array, high: Array) -> None:
+    """Obstacles, each with its name in the middle of what is seen of it, or below."""
+    for each in solution.problem.obstacles:
+        if not isinstance(each, PlanarObstacle):
+            continue
+        corners = outline(each.shape, each.position, each.angle)
+        seen = cut(corners, low, high)
+        if not len(seen):
+            continue
+        body = Polygon(corners, facecolor="#EFEFEF", edgecolor=style.OBSTACLE, linewidth=1,
+                       hatch="////", zorder=1)  # fmt: skip
+        ax.add_patch(body)
+        words = style.short(each.name)
+        first, last = seen.min(axis=0), seen.max(axis=0)
+        width = _LETTER * len(words) * (high - low)[0]
+        small = (last - first)[0] < width and (last - first)[1] < 0.15 * (high - low)[1]
+        x, y = (first + last) / 2
+        x = np.clip(x, low[0] + width / 2, high[0] - width / 2)
+        name = ax.text(x, first[1] if small else y, words, fontsize=8, color=style.INK,
+                       ha="center", va="top" if small else "center", zorder=8)  # fmt: skip
+        name.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
+
+
+def draw_ghost(ax: Axes, posture: Posture, solution: Drawn, strength: float) -> None:
+    """Arms and object as they pass by."""
+    rim = _outline(posture, solution)
+    if rim is not None:
+        ax.add_patch(Polygon(rim, fill=False, edgecolor=style.INK, linewidth=0.8, zorder=1.8,
+                             alpha=0.7 * strength))  # fmt: skip
+    for name, color in style.arm_colors(posture).items():
+        points = np.array(posture.arms[name].skeleton)[:, :2]
+        ax.plot(*points.T, color=color, linewidth=3, alpha=strength, zorder=1.9,
+                solid_capstyle="round", solid_joinstyle="round")  # fmt: skip
+
+
+def draw_posture(ax: Axes, posture: Posture, solution: Drawn) -> None:
+    """Arms, object and what keeps them apart."""
+    ax.grid(True, color="#EEEEEE", linewidth=0.8)
+    ax.set_axisbelow(True)
+    center = np.array(posture.object.position)
+    colors = style.arm_colors(posture)
+    for name, corners in flat_links(solution.problem, posture).items():
+        # In one piece, so that overlaps are no darker.
+        rims = [Path(np.vstack([each, each[:1]]), closed=True) for each in corners]
+        ax.add_patch(PathPatch(Path.make_compound_path(*rims), facecolor=colors[name], alpha=0.15,
+                               linewidth=0, zorder=1.5))  # fmt: skip
+    rim = _outline(posture, solution)
+    if rim is not None:
+        ax.add_patch(
+            Polygon(rim, facecolor=style.OBJECT, edgecolor=style.INK, linewidth=1, zorder=2)
+        )
+    for name, color in colors.items():
+        arm = posture.arms[name]
+        points = np.array(arm.skeleton)[:, :2]
+        ax.plot(*points.T, color=color, linewidth=5, solid_capstyle="round",
+                solid_joinstyle="round", alpha=0.85, zorder=3,
+                label=f"arm {style.short(name)}")  # fmt: skip
+        ax.plot(*points[1:-1].T, linestyle="", marker="o", markersize=7, markerfacecolor="white",
+                markeredgecolor=style.INK, markeredgewidth=1.2, zorder=5)  # fmt: skip
+        ax.plot(*points[-1], marker="o", markersize=4, color=style.INK, zorder=5)
+        ax.plot(*points[0], marker="s", markersize=12, color=color, alpha=0.5, zorder=2)
+        if posture.closure_error[name] > style.OPEN:
+            gap = np.array([points[-1], arm.grasp[:2]])
+            ax.plot(*gap.T, color=style.INK, linewidth=1.2, linestyle=":", zorder=5)
+            ax.plot(*gap[1], marker="x", markersize=8, color=style.INK, zorder=6)
+    ax.add_patch(Circle(tuple(center), 0.008, color=style.INK, zorder=6))
+
+
+def _ellipses(ax: Axes, panel: Panel, parts: list[Placed], scale: float) -> None:
+    colors = style.arm_colors(panel.posture)
+    if panel.other is not None:
+        axes = panel.other.solution.problem.axes
+        other = linear_slice(panel.other.posture.ellipsoid, axes)
+        if other is not None:
+            curve = np.array(panel.posture.object.position) + scale * other.surface[..., :2]
+            ax.plot(*curve.T, color=style.INK, linewidth=1.4, linestyle=":", zorder=6)
+    for center, part, name in parts:
+        curve = center + scale * part.surface[..., :2]
+        if name is not None:
+            ax.plot(*curve.T, color=colors[name], linewidth=1.4, linestyle="--", zorder=4)
+            continue
+        ax.fill(*curve.T, color=style.SYSTEM, alpha=0.25, zorder=4)
+        ax.plot(*curve.T, color=style.SYSTEM, linewidth=2.2, zorder=6, label=legends.TOGETHER)
+
+
+def _ranges(ax: Axes, panel: Panel) -> None:
+    """Dashed boxes of what is free."""
+    colors, found = style.arm_colors(panel.posture), ranges(panel)
+    for each in found:
+        color = style.INK if each.arm is None else colors[each.arm]
+        for edge in each.edges:
+            ax.plot(*edge.T, color=color, linewidth=1.4, linestyle=style.DASHES, zorder=7,
+                    marker="." if len(each.edges) == 1 else "")  # fmt: skip
+    if found:
+        ax.plot([], [], color=style.INK, linewidth=1.4, linestyle=style.DASHES,
+                label=legends.RANGES)  # fmt: skip
