@@ -22,9 +22,9 @@ from tables import table
 
 import copose
 from copose.errors import InputError
-from copose.robots.paths import EXAMPLES, resolve
-from copose.robots.tree import MOVABLE
-from copose.robots.urdf_tree import read_tree
+from copose.robots.files.file_paths import EXAMPLES, resolve
+from copose.robots.files.tree import MOVABLE
+from copose.robots.files.urdf_tree import read_tree
 
 HERE = Path(__file__).parent
 FOLDER = resolve(f"{EXAMPLES}panda_description/urdf/panda.urdf", HERE, {}).parents[2]

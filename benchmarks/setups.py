@@ -18,8 +18,8 @@ from pathlib import Path
 from tables import table
 
 from copose.errors import InputError
-from copose.robots.paths import EXAMPLES, resolve
-from copose.robots.urdf_tree import read_tree
+from copose.robots.files.file_paths import EXAMPLES, resolve
+from copose.robots.files.urdf_tree import read_tree
 from copose.setup.chains import find_chains
 
 HERE = Path(__file__).parent

@@ -35,8 +35,8 @@ from copose.collision import (
     carriers_of,
     configurations,
 )
+from copose.collision.distance.segments import Segments, segment_distances
 from copose.collision.pairs import possible_pairs
-from copose.collision.segments import Segments, segment_distances
 from copose.errors import InputError
 from copose.mechanics.chain import Chain
 from copose.poses import Pose

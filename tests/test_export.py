@@ -22,7 +22,7 @@ from copose.cli import main
 from copose.export_command import TO
 from copose.formats import FORMATS, exported_text
 from copose.results import Motion, Solution, read_result, to_json
-from copose.robots.paths import resolve
+from copose.robots.files.file_paths import resolve
 from test_motion_report import made, nowhere
 
 

@@ -25,7 +25,7 @@ from copose.live.page import Page
 from copose.live.scene.gizmos import Gizmo
 from copose.poses import Pose
 from copose.report import style
-from copose.viewer.robots import rgb
+from copose.viewer.nodes.colors import rgb
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 PLANAR = PROBLEMS / "paper-fig2.toml"

@@ -15,10 +15,10 @@ import pytest
 import copose
 from cells import PANDA, two_pandas
 from copose.cli import main
-from copose.collision.link_shapes import LinkShapes
+from copose.collision.links.link_shapes import LinkShapes
 from copose.robots import load_arms
-from copose.robots.paths import EXAMPLES, resolve
-from copose.robots.urdf_tree import read_tree
+from copose.robots.files.file_paths import EXAMPLES, resolve
+from copose.robots.files.urdf_tree import read_tree
 from copose.setup.chains import chain_to, find_chains
 from copose.setup.hands import Hand, toward
 from copose.setup.problem_text import ProblemText

@@ -13,7 +13,7 @@ import copose
 from cells import PANDA, planar, tables, toml
 from copose.cli import main
 from copose.report.figures.start import start_figure
-from copose.robots.paths import resolve
+from copose.robots.files.file_paths import resolve
 
 
 @pytest.fixture

@@ -32,11 +32,12 @@ from copose.results import (
     to_json,
 )
 from copose.robots import Arm, load_arms
-from copose.robots.paths import resolve
+from copose.robots.files.file_paths import resolve
 from copose.viewer import CellScene, Look, link_looks, page_html, quiet_server, stop
-from copose.viewer.meshes import BUDGET, light_surface
-from copose.viewer.meshes import _reduced as reduced
-from copose.viewer.solids import Triangles, ball, box, capsule, cylinder, round_arrow
+from copose.viewer.surfaces.arrows import round_arrow
+from copose.viewer.surfaces.light_surfaces import BUDGET, light_surface
+from copose.viewer.surfaces.light_surfaces import _reduced as reduced
+from copose.viewer.surfaces.triangles import Triangles, ball, box, capsule, cylinder
 from reference import PROBLEMS
 
 SNAPSHOTS = Path(__file__).parent / "snapshots"
@@ -224,7 +225,9 @@ def test_looks_are_kept_and_damage_is_made_anew(
         (kept,) = (tmp_path / "copose").glob("look-*.npz")
         return kept.read_bytes()
 
-    monkeypatch.setattr("copose.viewer.meshes._reduced", lambda _: pytest.fail("is kept"))
+    monkeypatch.setattr(
+        "copose.viewer.surfaces.light_surfaces._reduced", lambda _: pytest.fail("is kept")
+    )
     assert again() == whole
     monkeypatch.undo()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

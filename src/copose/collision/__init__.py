@@ -1,6 +1,5 @@
-"""What takes up room: solids, which of them may not touch, and how near they come."""
+"""Solids of a cell, the pairs of them that may not touch, and their distances."""
 
-from copose.collision.bodies import Bodies, Nearest, Places, Witness
 from copose.collision.carriers import (
     Carrier,
     Placements,
@@ -9,10 +8,15 @@ from copose.collision.carriers import (
     configurations,
     joint_columns,
 )
-from copose.collision.mesh_files import MeshFile, UnreadableError
-from copose.collision.outlines import Outline, link_outlines
-from copose.collision.scene import Scene, link_looks, link_solids
-from copose.collision.solids import LinkLook, Mesh, Part, Primitive, Solid
+from copose.collision.distance.bodies import Bodies
+from copose.collision.distance.placed_parts import Places
+from copose.collision.distance.witnesses import Nearest, Witness
+from copose.collision.scene import Scene, link_looks, link_solids, primitive_of
+from copose.collision.shapes.mesh_files import MeshFile, UnreadableError
+from copose.collision.shapes.meshes import Mesh
+from copose.collision.shapes.outlines import Outline, link_outlines
+from copose.collision.shapes.primitives import Primitive
+from copose.collision.shapes.solids import LinkLook, Part, Solid
 
 __all__ = [
     "Bodies",
@@ -37,4 +41,5 @@ __all__ = [
     "link_looks",
     "link_outlines",
     "link_solids",
+    "primitive_of",
 ]

@@ -1,4 +1,4 @@
-"""What moves a solid, and where that is at given joint positions, in plain numbers."""
+"""Frames that solids are fixed to, and their poses at given joint positions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from copose.poses import Array, Indices, Pose, rotation_rows
 from copose.robots import Arm
 
-# Numbers of a pose in a configuration: position and quaternion [x, y, z, w].
+# The numbers of a pose in a configuration: position and quaternion [x, y, z, w].
 POSE = 7
 
 
@@ -22,8 +22,8 @@ class Carrier:
 
     Attributes:
         kind: the world; the object; an arm's root frame; a joint's frame, after its motion.
-        arm: which arm, −1 for world and object.
-        joint: which of its free joints, −1 for the root.
+        arm: number of the arm, −1 for world and object.
+        joint: number of the arm's free joint, −1 for the root.
     """
 
     kind: Literal["world", "object", "root", "joint"]
@@ -32,7 +32,7 @@ class Carrier:
 
     @property
     def static(self) -> bool:
-        """Whether neither joints nor the object move it."""
+        """True for a frame that neither joints nor the object move."""
         return self.kind in ("world", "root")
 
 
@@ -41,11 +41,11 @@ WORLD, OBJECT = Carrier("world"), Carrier("object")
 
 def carriers_of(arms: Sequence[Arm]) -> tuple[Carrier, ...]:
     """World, object, then root and joints of every arm: the order of `Placements`."""
-    found = [WORLD, OBJECT]
+    carriers = [WORLD, OBJECT]
     for i, arm in enumerate(arms):
-        found.append(Carrier("root", i))
-        found += [Carrier("joint", i, j) for j in range(arm.n)]
-    return tuple(found)
+        carriers.append(Carrier("root", i))
+        carriers += [Carrier("joint", i, j) for j in range(arm.n)]
+    return tuple(carriers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,21 +70,21 @@ def configurations(
     q: Sequence[Array | None],
     objects: Pose | Sequence[Pose],
 ) -> Array:
-    """Where everything is, one row each, (count, size): the object's pose, then of every arm its
-    root's pose and its joints.
+    """Configurations, one a row, (count, size): the object's pose, then of every arm its root's
+    pose and its joints.
 
     Args:
         arms: the arms.
         bases: T_world_root of each.
-        q: joint positions of each, (count, n), or (n,) of them; zero for an arm that is None.
-        objects: T_world_object, the same for all or one for each.
+        q: joint positions of each, (count, n), or (n,) for all rows; zero for an arm that is None.
+        objects: T_world_object, one for all rows or one for each.
     """
-    many = [objects] if isinstance(objects, Pose) else list(objects)
-    count = max([len(many), *(len(np.atleast_2d(mine)) for mine in q if mine is not None)])
-    parts = [np.broadcast_to([_numbers(pose) for pose in many], (count, POSE))]
-    for arm, base, mine in zip(arms, bases, q, strict=True):
+    poses = [objects] if isinstance(objects, Pose) else list(objects)
+    count = max([len(poses), *(len(np.atleast_2d(own)) for own in q if own is not None)])
+    parts = [np.broadcast_to([_numbers(pose) for pose in poses], (count, POSE))]
+    for arm, base, own in zip(arms, bases, q, strict=True):
         parts.append(np.broadcast_to(_numbers(base), (count, POSE)))
-        joints = np.zeros(arm.n) if mine is None else np.asarray(mine, dtype=float)
+        joints = np.zeros(arm.n) if own is None else np.asarray(own, dtype=float)
         parts.append(np.broadcast_to(joints, (count, arm.n)))
     return np.hstack(parts)
 
@@ -98,7 +98,7 @@ def joint_columns(arms: Sequence[Arm]) -> Indices:
 
 
 def carrier_poses(arms: Sequence[Arm], x: Array) -> Placements:
-    """T_world_root ∏ placement_j · motion_j(q_j): where every carrier is, in configurations,
+    """Placements of all carriers, T_world_root ∏ placement_j · motion_j(q_j), in configurations,
     (count, size).
     """
     count = len(x)
@@ -121,11 +121,13 @@ def carrier_poses(arms: Sequence[Arm], x: Array) -> Placements:
 
 
 def _numbers(pose: Pose) -> Array:
+    """A pose in a configuration: position and quaternion [x, y, z, w], (7,)."""
     w, *xyz = pose.quaternion
     return np.array([*pose.position, *xyz, w])
 
 
 def _rotations(quaternions: Array) -> Array:
+    """Rotations of quaternions [x, y, z, w], (count, 4); (count, 3, 3)."""
     if len(quaternions) > 1 and (quaternions == quaternions[0]).all():
         return np.broadcast_to(_rotations(quaternions[:1]), (len(quaternions), 3, 3))
     x, y, z, w = quaternions.T
@@ -133,8 +135,8 @@ def _rotations(quaternions: Array) -> Array:
 
 
 def _motions(arm: Arm, q: Array) -> tuple[Array, Array]:
-    """placement_j · motion_j(q_j) of every joint at (count, n): rotations, (count, n, 3, 3), and
-    positions, (count, n, 3).
+    """Poses placement_j · motion_j(q_j) of every joint at positions, (count, n): rotations,
+    (count, n, 3, 3), and positions, (count, n, 3).
     """
     turning, axes, along, skew, rotations, positions = _constants(arm)
     angles = np.where(turning, q, 0.0)[..., None, None]
@@ -145,8 +147,8 @@ def _motions(arm: Arm, q: Array) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=64)
 def _constants(arm: Arm) -> tuple[Array, ...]:
-    """Constants of an arm's joints: which turn, (n,); axes, (n, 3), their dyads and cross products,
-    (n, 3, 3); and the joints' placements.
+    """Constants of an arm's joints: which are revolute, (n,); axes, (n, 3); the axes' dyads and
+    cross products, (n, 3, 3); rotations and positions of the joints' placements.
     """
     axes = np.reshape([joint.axis for joint in arm.joints], (-1, 3))
     skew = np.cross(axes[:, None], np.eye(3)).transpose(0, 2, 1)

@@ -1,10 +1,10 @@
-"""Which solids are tested against each other."""
+"""The pairs of solids that are tested against each other."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from copose.collision.solids import Solid
+from copose.collision.shapes.solids import Solid
 from copose.robots import Arm
 
 
@@ -29,14 +29,14 @@ def possible_pairs(
 def _may_touch(
     a: Solid, b: Solid, arms: Sequence[Arm], mounts: Collection[tuple[int, str]]
 ) -> bool:
-    """Whether b, seen from a, is one body with it, stands still as it does, or is next to it."""
-    mine, other = a.carrier, b.carrier
-    if mine == other or (mine.static and other.static):
+    """True where b is one body with a, stands still as a does, or is next to a in its chain."""
+    one, other = a.carrier, b.carrier
+    if one == other or (one.static and other.static):
         return True
-    if mine.kind != "joint":
+    if one.kind != "joint":
         return False
     if other.kind == "joint":
-        return mine.arm == other.arm and abs(mine.joint - other.joint) == 1
+        return one.arm == other.arm and abs(one.joint - other.joint) == 1
     if other.kind == "object":
-        return mine.joint == arms[mine.arm].n - 1
-    return mine.joint == 0 and (mine.arm, b.name) in mounts
+        return one.joint == arms[one.arm].n - 1
+    return one.joint == 0 and (one.arm, b.name) in mounts

@@ -1,35 +1,39 @@
-"""All that may touch in a problem, and how near it comes."""
+"""The scene of a problem: solids of arms, object and obstacles, and the pairs that are tested."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from copose.collision.bodies import Bodies
 from copose.collision.carriers import OBJECT, WORLD, Carrier, configurations
+from copose.collision.distance.bodies import Bodies
 from copose.collision.pairs import possible_pairs
-from copose.collision.solids import LinkLook, LinkSolids, Part, Primitive, Solid
+from copose.collision.shapes.primitives import Primitive
+from copose.collision.shapes.solids import LinkLook, LinkSolids, Part, Solid
 from copose.errors import InputError
 from copose.poses import Array, Indices, Mask, Pose
-from copose.problem import PlanarArm, Problem
+from copose.problem import CapsuleShape, PlanarArm, Problem, Shape
 from copose.robots import Arm, finite_range
 
-# Random postures in which a pair must come near each time to be left out, and their seed.
-_POSTURES = 200
-_SEED = 20
+
+@dataclass(frozen=True)
+class AlwaysNearOptions:
+    """Random postures by which pairs are found that cannot be kept apart."""
+
+    postures: int = 200  # in each of which a pair must be too near to be left out
+    seed: int = 20  # of the postures
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The solids of a problem and which of them may not touch.
+    """The solids of a problem and the pairs of them that may not touch.
 
     Attributes:
         solids: links of arms and robots, object, obstacles.
-        pairs: the two solids of each tested pair, numbers in ``solids``, shape (p, 2).
-        notes: what the reader should know of shapes.
+        pairs: the two solids of each tested pair, numbers in ``solids``, (p, 2).
+        notes: remarks on shapes, for the reader.
         planar: whether it lies in a plane.
     """
 
@@ -69,12 +73,12 @@ class Scene:
         ]  # fmt: skip
         pairs = np.reshape(tested, (-1, 2)).astype(np.intp)
         planar, clearance = problem.space.planar, problem.constraints.clearance
-        every = Bodies(solids, pairs, arms, clearance, planar=planar)
-        near = _always_near(every, _random_postures(problem, arms))
+        bodies = Bodies(solids, pairs, arms, clearance, planar=planar)
+        near = _always_near(bodies, _random_postures(problem, arms, AlwaysNearOptions()))
         return cls(tuple(solids), pairs[~near], tuple(notes), planar)
 
     def bodies(self, arms: Sequence[Arm], clearance: float) -> Bodies:
-        """What is asked how near they come, carried by arms as in the problem."""
+        """Distance queries of the solids, carried by arms as in the problem."""
         return Bodies(self.solids, self.pairs, arms, clearance, planar=self.planar)
 
 
@@ -86,9 +90,9 @@ def link_solids(problem: Problem, arms: Sequence[Arm]) -> LinkSolids:
     """
     if problem.space.planar:
         planar = [(i, spec) for i, spec in enumerate(problem.arms) if isinstance(spec, PlanarArm)]
-        return LinkSolids(tuple(solid for i, spec in planar for solid in _planar_links(spec, i)))
+        return LinkSolids(tuple(link for i, spec in planar for link in _planar_links(spec, i)))
     # Pinocchio takes a quarter of a second to load, which planar problems need not wait for.
-    from copose.collision.robot_solids import robot_solids
+    from copose.collision.links.robot_links import robot_solids
 
     return robot_solids(problem, arms)
 
@@ -104,13 +108,13 @@ def link_looks(problem: Problem, arms: Sequence[Arm]) -> list[LinkLook]:
             LinkLook(solid.name.rpartition("/")[2], solid.carrier, solid.placement, (solid.parts,))
             for solid in link_solids(problem, arms).solids
         ]
-    from copose.collision.robot_solids import robot_looks
+    from copose.collision.links.robot_links import robot_looks
 
     return robot_looks(problem, arms)
 
 
 def _planar_links(spec: PlanarArm, arm: int) -> Iterator[Solid]:
-    """Link i of a planar arm: all within its radius of the segment from its joint to its end."""
+    """The links of a planar arm: all points within a radius of the segment from joint to joint."""
     for i, link in enumerate(spec.links):
         shape = Primitive("capsule", (link.radius, link.length))
         along = Pose.from_rpy((link.length / 2, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
@@ -122,25 +126,24 @@ def _planar_links(spec: PlanarArm, arm: int) -> Iterator[Solid]:
         )
 
 
-def _alone(name: str, carrier: Carrier, pose: Pose, shape: Any) -> Solid:
+def _alone(name: str, carrier: Carrier, pose: Pose, shape: Shape | CapsuleShape) -> Solid:
     """The solid of a shape of the problem file."""
-    return Solid(name, carrier, pose, (Part(_primitive(shape), Pose.from_rpy()),))
+    return Solid(name, carrier, pose, (Part(primitive_of(shape), Pose.from_rpy()),))
 
 
-def _primitive(shape: Any) -> Primitive:
-    """A shape of the problem file, of space or of the plane."""
-    if shape.kind == "box":
-        return Primitive("box", shape.size, flat=len(shape.size) == 2)
-    if shape.kind in ("sphere", "disk"):
-        return Primitive("sphere", (shape.radius,), flat=shape.kind == "disk")
-    return Primitive(shape.kind, (shape.radius, shape.length))
+def primitive_of(shape: Shape | CapsuleShape) -> Primitive:
+    """The primitive that a shape of the problem file is, in space or in the plane."""
+    kind = "sphere" if shape.kind == "disk" else shape.kind
+    return Primitive(kind, shape.measures, flat=shape.flat)
 
 
-def _random_postures(problem: Problem, arms: Sequence[Arm]) -> Iterator[Array]:
+def _random_postures(
+    problem: Problem, arms: Sequence[Arm], options: AlwaysNearOptions
+) -> Iterator[Array]:
     """Configurations: joint positions drawn within limits, and free bases within their ranges."""
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng(options.seed)
     ranges = [finite_range(arm.lower, arm.upper) for arm in arms]
-    for _ in range(_POSTURES):
+    for _ in range(options.postures):
         bases = []
         for spec, arm in zip(problem.arms, arms, strict=True):
             free = spec.freedom.base.ranges
@@ -151,17 +154,17 @@ def _random_postures(problem: Problem, arms: Sequence[Arm]) -> Iterator[Array]:
 
 
 def _always_near(bodies: Bodies, postures: Iterator[Array]) -> Mask:
-    """Which pairs are nearer than the clearance in every posture, shape (p,).
+    """True for pairs that are nearer than the clearance in every posture, (p,).
 
-    Only of pairs that an arm's joints move against each other: an object that is held in the way
-    of something fixed collides with it, however often one looks.
+    Only pairs that an arm's joints move count: an object that is held in the way of something fixed
+    collides with it in all postures.
     """
     kinds = [{bodies.solids[i].carrier.kind, bodies.solids[j].carrier.kind}
              for i, j in bodies.pairs]  # fmt: skip
     near = np.array(["joint" in kind and "object" not in kind for kind in kinds], dtype=np.bool_)
     for x in postures:
-        some = np.flatnonzero(near)
-        if not len(some):
+        left = np.flatnonzero(near)
+        if not len(left):
             break
-        near[some] = bodies.too_near(x[0], some)
+        near[left] = bodies.too_near(x[0], left)
     return near

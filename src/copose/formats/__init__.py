@@ -1,8 +1,8 @@
 """Postures and motions in the formats of other programs."""
 
-from copose.formats.export import FORMATS, export, exported_text, usual_name
+from copose.formats.csv_tables import trajectory_csv
+from copose.formats.registry import FORMATS, export, exported_text, usual_name
 from copose.formats.ros import joint_trajectory_yaml
-from copose.formats.tables import trajectory_csv
 
 __all__ = [
     "FORMATS",

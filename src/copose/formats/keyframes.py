@@ -15,9 +15,6 @@ from copose.problem import RobotArm
 from copose.results import Posture
 from copose.robots import Arm, WholeRobot, whole_robots
 
-# What frames of one posture may be apart by, m.
-_SAME = 1e-6
-
 
 def keyframes_xml(exported: ExportedPosture) -> str:
     """A keyframe of every robot, ``qpos`` complete and in its model's own order.
@@ -56,18 +53,19 @@ def keyframes_xml(exported: ExportedPosture) -> str:
         names = ", ".join(arm.name for arm in robot.arms)
         name = solution.problem.name if len(robots) == 1 else f"{solution.problem.name} {names}"
         # A comment of XML holds no two hyphens.
-        said = re.sub("-(?=-)", "- ", f" {robot.tree.file.name}: {names} ")
-        keyframe.append(ET.Comment(said))
+        comment = re.sub("-(?=-)", "- ", f" {robot.tree.file.name}: {names} ")
+        keyframe.append(ET.Comment(comment))
         ET.SubElement(keyframe, "key", name=_unused(name, robot), qpos=_qpos(robot, exported))
     return xml_text(root)
 
 
 def _agrees(arm: Arm, posture: Posture) -> bool:
-    """True where an arm's frames are as far apart as a posture has them, wherever its base is."""
+    """True for an arm whose frames are as far apart as in a posture, wherever its base is."""
     frames = arm.frames(posture.joints[arm.name])
-    here = np.array([frame.position for frame in frames])
-    there = np.array(posture.arms[arm.name].skeleton)
-    return here.shape == there.shape and np.allclose(_spans(here), _spans(there), 0, _SAME)
+    own = np.array([frame.position for frame in frames])
+    stated = np.array(posture.arms[arm.name].skeleton)
+    # To 1e-6 m.
+    return own.shape == stated.shape and np.allclose(_spans(own), _spans(stated), 0, 1e-6)
 
 
 def _spans(points: Array) -> Array:
@@ -76,6 +74,7 @@ def _spans(points: Array) -> Array:
 
 
 def _qpos(robot: WholeRobot, exported: ExportedPosture) -> str:
+    """All positions of a robot's model, in the model's order."""
     qpos = robot.tree.qpos.copy()
     at = robot.positions(exported.posture.joints)
     for joint, address in robot.tree.addresses.items():

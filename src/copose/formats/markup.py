@@ -8,7 +8,7 @@ from copose.errors import InputError
 
 
 def xml_text(root: ET.Element) -> str:
-    """A document, indented.
+    """An XML document as indented text.
 
     Raises:
         InputError: a name has a character that XML cannot hold.

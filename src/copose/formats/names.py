@@ -1,4 +1,4 @@
-"""Joint names where those of all arms stand in one list."""
+"""Joint names of all arms in one list."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ ByArm = Mapping[str, Sequence[str]]
 
 
 def unique_names(names: ByArm) -> dict[str, tuple[str, ...]]:
-    """Joint names by arm; one that two arms share has its arm's and ``_`` in front.
+    """Joint names by arm; a name that two arms share has the arm's name and ``_`` in front.
 
     Raises:
-        InputError: two are still alike.
+        InputError: two are still equal.
     """
     count = Counter(joint for joints in names.values() for joint in joints)
-    found = {
+    unique = {
         arm: tuple(f"{arm}_{joint}" if count[joint] > 1 else joint for joint in joints)
         for arm, joints in names.items()
     }
-    joint, times = Counter(listed(found)).most_common(1)[0]
+    joint, times = Counter(listed(unique)).most_common(1)[0]
     if times > 1:
         raise InputError(f"two joints would be called {joint!r}; rename an arm", key="joint_names")
-    return found
+    return unique
 
 
 def listed(names: ByArm) -> list[str]:

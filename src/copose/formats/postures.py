@@ -1,4 +1,4 @@
-"""Postures and knots to export, with all that says what they mean."""
+"""Postures and knots to be exported, and the problem that they answer."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from copose.results import Knot, Motion, Posture, Solution
 
 @dataclass(frozen=True)
 class ExportedPosture:
-    """A posture of a result.
+    """A posture of a result that is to be exported.
 
     Attributes:
         solution: the result.
@@ -32,14 +32,14 @@ class ExportedPosture:
         Raises:
             InputError: there is none, or no such case.
         """
-        cases = {each.name: each for each in solution.cases or ()}
+        cases = {posture.name: posture for posture in solution.cases or ()}
         if case is not None and case not in cases:
             known = nearest(case, cases) if cases else "; the result has no cases"
             raise InputError(f"no case is called {case!r}{known}", key="cases")
-        found = cases[case] if case is not None else next(iter(cases.values()), solution.after)
-        if found is None:
+        chosen = cases[case] if case is not None else next(iter(cases.values()), solution.after)
+        if chosen is None:
             raise InputError(f"has no posture to export, it is {solution.status}{_why(solution)}")
-        return cls(solution, found, problem)
+        return cls(solution, chosen, problem)
 
 
 def problem_of(result: Solution | Motion, given: Problem | None, to: str) -> Problem:

@@ -9,8 +9,6 @@ from copose.formats.postures import ExportedPosture, knots
 from copose.poses import Array
 from copose.results import Motion, stacked
 
-_HEADER = 'header: {stamp: {sec: 0, nanosec: 0}, frame_id: ""}'
-
 
 def joint_state_yaml(exported: ExportedPosture) -> str:
     """A ``sensor_msgs/JointState`` of the joints that the arms move, at rest.
@@ -19,7 +17,7 @@ def joint_state_yaml(exported: ExportedPosture) -> str:
         InputError: two joints would have one name.
     """
     lines = [
-        _HEADER,
+        _header(),
         f"name: {_names(exported.solution.joint_names)}",
         f"position: {_numbers(exported.posture.q)}",
         "velocity: []",
@@ -34,7 +32,7 @@ def joint_trajectory_yaml(motion: Motion) -> str:
     Raises:
         InputError: nothing moves, or two joints would have one name.
     """
-    lines = [_HEADER, f"joint_names: {_names(motion.joint_names)}", "points:"]
+    lines = [_header(), f"joint_names: {_names(motion.joint_names)}", "points:"]
     for time, knot in knots(motion):
         sec, nanosec = divmod(round(time * 1e9), 10**9)
         lines += [
@@ -45,6 +43,10 @@ def joint_trajectory_yaml(motion: Motion) -> str:
             f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}",
         ]
     return "\n".join(lines) + "\n"
+
+
+def _header() -> str:
+    return 'header: {stamp: {sec: 0, nanosec: 0}, frame_id: ""}'
 
 
 def _names(names: ByArm) -> str:

@@ -24,18 +24,18 @@ def group_state_srdf(exported: ExportedPosture) -> str:
         arm: list(zip(names[arm], exported.posture.joints[arm], strict=True)) for arm in names
     }
     robot = ET.Element("robot", name=title)
-    for arm, mine in joints.items():
+    for arm, own in joints.items():
         group = ET.SubElement(robot, "group", name=arm)
-        for joint, _ in mine:
+        for joint, _ in own:
             ET.SubElement(group, "joint", name=joint)
     if len(joints) > 1:
         together = "_and_".join(joints)
         group = ET.SubElement(robot, "group", name=together)
         for arm in joints:
             ET.SubElement(group, "group", name=arm)
-        _state(robot, title, together, (each for mine in joints.values() for each in mine))
-    for arm, mine in joints.items():
-        _state(robot, title, arm, mine)
+        _state(robot, title, together, (pair for own in joints.values() for pair in own))
+    for arm, own in joints.items():
+        _state(robot, title, arm, own)
     return xml_text(robot)
 
 

@@ -28,16 +28,16 @@ from copose.kernels.source import FLAGS
 from copose.kernels.whole_file import name_of, settled
 from copose.progress import heed
 
+# Longest time for the compiler, s.
 _PATIENCE = 120.0
+# First letters of the names of files in the making.
 _BUILDING = ".building-"
-# How old what nobody holds must be to be left over, s: it is made a moment before it is held.
-_FRESH = 1.0
 # Libraries that this process has loaded; their names tell what is in them.
 _loaded: dict[Path, ctypes.CDLL] = {}
 
 
 def wanted() -> bool:
-    """Whether kernels are to be compiled: not with ``COPOSE_COMPILE=0``, not on Windows."""
+    """True where kernels are to be compiled: not with ``COPOSE_COMPILE=0``, not on Windows."""
     return os.environ.get("COPOSE_COMPILE", "1") != "0" and os.name == "posix"
 
 
@@ -83,7 +83,7 @@ def folder() -> Path | None:
 def stored(key: str, suffix: str) -> tuple[Path, bytes] | None:
     """The file of a key and its content, if it is there, whole and the user's alone.
 
-    What is not is removed, for it to be made anew.
+    A file that is not whole, or not the user's alone, is removed, to be made anew.
     """
     place = folder()
     if place is None:
@@ -123,9 +123,9 @@ def library(key: str) -> ctypes.CDLL | None:
 
 
 def _opened(file: Path, content: bytes) -> ctypes.CDLL:
-    """A library, from a copy that nobody else knows of where there can be one.
+    """A library, loaded from a copy that nobody else knows of, where there can be one.
 
-    Whoever writes to a library that is in use ends the process.
+    The process would end if anyone wrote to a library in use.
     """
     with contextlib.suppress(OSError), _written(file.parent, file.suffix, content) as copy:
         return ctypes.CDLL(str(copy))
@@ -170,7 +170,7 @@ def _held(left: Path, *, alone: bool = False) -> Iterator[int]:
 
 
 def _content(file: Path) -> bytes | None:
-    """The content of a file; None where it is none, or not the user's alone."""
+    """The content of a file; None where it is no file, or not the user's alone."""
     try:
         state = file.lstat()
         own = stat.S_ISREG(state.st_mode) and state.st_uid == os.geteuid()
@@ -190,11 +190,11 @@ def _remove(file: Path) -> None:
 
 @dataclass(frozen=True)
 class Code:
-    """What a kernel is compiled from.
+    """The code that a kernel is compiled from.
 
     Attributes:
         text: in C.
-        sizes: of x, p and y.
+        sizes: numbers in x, p and y.
     """
 
     text: str
@@ -256,7 +256,7 @@ def fill(codes: Mapping[str, Callable[[], Code]], *, wait: bool) -> None:
 def _script(
     codes: Mapping[str, Callable[[], Code]], command: list[str], place: Path, scratch: Path
 ) -> str:
-    """A shell script that compiles kernels in a folder, tries and moves each, and clears up."""
+    """A shell script that compiles kernels in a folder, tries and moves each, and cleans up."""
     lines = ["umask 077"]
     patient = shutil.which("timeout")
     limited = [patient, str(int(_PATIENCE))] if patient is not None else []
@@ -265,7 +265,7 @@ def _script(
         try:
             code = write()
         except NotImplementedError:
-            # The virtual machine knows more operations than we write in C.
+            # The virtual machine knows more operations than are written in C.
             continue
         (scratch / f"{key}.c").write_text(code.text, encoding="utf-8")
         build = [*limited, *command, *FLAGS, "-o", f"{key}.so", f"{key}.c", "-lm"]
@@ -279,9 +279,9 @@ def _script(
 
 
 def _sweep(place: Path) -> None:
-    """Remove what runs that were killed have left behind."""
+    """Remove what killed runs have left behind: made a second ago or more, and held by nobody."""
     for left in place.glob(f"{_BUILDING}*"):
         with contextlib.suppress(OSError):
-            if time.time() - left.lstat().st_mtime > _FRESH:
+            if time.time() - left.lstat().st_mtime > 1.0:
                 with _held(left, alone=True):
                     _remove(left)

@@ -16,14 +16,11 @@ from copose.kernels import cache, source
 from copose.poses import Array
 from copose.progress import heed
 
-_BLOCK = 32
-_PROBE = 4
-
 
 class Kernel:
-    """y(x, p) of many points: by CasADi's virtual machine, or by compiled code, bit for bit.
+    """A function y(x, p) of many points, by CasADi's virtual machine or by compiled code.
 
-    Threads may share it.
+    Both give the same numbers bit for bit. Threads may share it.
     """
 
     def __init__(self, x: ca.SX, p: ca.SX, y: ca.SX) -> None:
@@ -39,7 +36,7 @@ class Kernel:
 
     @property
     def key(self) -> str:
-        """Names compiled code: a hash of the expression, what writes it, compiler and machine."""
+        """The name of compiled code: a hash of the expression, its writer, compiler and machine."""
         # Python 3.11 locks a cached property while one thread computes it, and a fork would find it
         # locked for good.
         if self._key is None:
@@ -50,17 +47,17 @@ class Kernel:
         return self._key
 
     def code(self) -> cache.Code:
-        """What it is compiled from."""
+        """The code that it is compiled from."""
         sizes = (self._nx, self._np, self._ny)
         return cache.Code(source.c_source(self._function), sizes)
 
     @property
     def compiled(self) -> bool:
-        """Whether compiled code is in use."""
+        """True where compiled code is in use."""
         return self._evaluate is not None
 
     def __call__(self, x: Array, p: Array) -> Array:
-        """y, (count, ny), at x, (count, nx), and p, (np,) for all of them or (count, np).
+        """Values y, (count, ny), at x, (count, nx), and p, (np,) for all of them or (count, np).
 
         Raises:
             ValueError: they have other shapes, which compiled code could not tell.
@@ -78,14 +75,14 @@ class Kernel:
         return self._interpreted(x, p)
 
     def _run(self, evaluate: Callable[..., None], x: Array, p: Array) -> Array:
-        """By compiled code."""
+        """Values by compiled code."""
         y = np.empty((len(x), self._ny))
         stride = self._np if p.ndim == 2 else 0
         evaluate(len(x), _address(x), _address(p), stride, _address(y))
         return y
 
     def _interpreted(self, x: Array, p: Array) -> Array:
-        """By the virtual machine, with buffers that no other thread is using."""
+        """Values by the virtual machine, with buffers that no other thread is using."""
         try:
             interpreter = self._idle.pop()
         except IndexError:
@@ -96,11 +93,18 @@ class Kernel:
         return y
 
     def forgive(self) -> None:
-        """Look again where a library was of no use: it may have been replaced."""
+        """Allow another attempt to load a library that was refused: it may have been replaced."""
         self._refused = False
 
-    def load(self) -> bool:
-        """Use the compiled code if the cache has it; whether it is in use."""
+    def load(self, probes: int = 4) -> bool:
+        """Use the compiled code if the cache has it and it agrees at some random points.
+
+        Args:
+            probes: number of these points.
+
+        Returns:
+            Whether compiled code is in use.
+        """
         if self._evaluate is not None or self._refused or not cache.wanted():
             return self.compiled
         try:
@@ -115,7 +119,7 @@ class Kernel:
         evaluate.argtypes = [ctypes.c_long, pointer, pointer, ctypes.c_long, pointer]
         evaluate.restype = None
         rng = np.random.default_rng(0)
-        x, p = rng.uniform(0.1, 1, (_PROBE, self._nx)), rng.uniform(0.1, 1, (_PROBE, self._np))
+        x, p = rng.uniform(0.1, 1, (probes, self._nx)), rng.uniform(0.1, 1, (probes, self._np))
         values, expected = self._run(evaluate, x, p), self._interpreted(x, p)
         if np.allclose(values, expected, rtol=1e-9, atol=1e-9, equal_nan=True):
             self._evaluate = evaluate
@@ -131,18 +135,18 @@ def _address(array: Array) -> int:
 
 
 class _Interpreter:
-    """A function in CasADi's virtual machine, one thread at a time."""
+    """A function in CasADi's virtual machine for one thread at a time, by blocks of points."""
 
-    def __init__(self, function: ca.Function) -> None:
-        self._ny = function.nnz_out(0)
-        self._one, self._block = _Buffered(function, 1), _Buffered(function, _BLOCK)
+    def __init__(self, function: ca.Function, size: int = 32) -> None:
+        self._ny, self._size = function.nnz_out(0), size
+        self._one, self._block = _Buffered(function, 1), _Buffered(function, size)
 
     def __call__(self, x: Array, p: Array) -> Array:
-        """See `Kernel`."""
+        """Values y at x and p, see `Kernel`."""
         y = np.empty((len(x), self._ny))
-        whole = len(x) - len(x) % _BLOCK
-        for first in range(0, whole, _BLOCK):
-            rows = slice(first, first + _BLOCK)
+        whole = len(x) - len(x) % self._size
+        for first in range(0, whole, self._size):
+            rows = slice(first, first + self._size)
             self._block(x[rows], p[rows] if p.ndim == 2 else p, y[rows])
         for k in range(whole, len(x)):
             self._one(x[k], p[k] if p.ndim == 2 else p, y[k])

@@ -13,14 +13,14 @@ _R = TypeVar("_R")
 
 _LOCK = threading.RLock()
 if hasattr(os, "register_at_fork"):
-    # A child has but the thread that forked: what others are in the middle of would stay so there.
+    # A child has only the thread that forked: what others had begun would stay half done there.
     os.register_at_fork(
         before=_LOCK.acquire, after_in_parent=_LOCK.release, after_in_child=_LOCK.release
     )
 
 
 def one_at_a_time(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """A function that builds expressions or runs solvers, for one thread of the process at a time.
+    """A function that builds expressions or runs solvers, in one thread of the process at a time.
 
     Kernels need it to be built, not to be evaluated.
     """

@@ -1,4 +1,4 @@
-"""Files whose names have their key and the digest of their content: whole, and under no other key.
+"""Names of files that hold a key and a digest of the content, which tells whether it is whole.
 
 Run as a program it tries a library in a process of its own, for one that crashes must do so there,
 and prints the name that it is to have: ``whole_file.py FILE KEY NX NP NY``. It needs nothing but
@@ -21,9 +21,9 @@ def name_of(key: str, content: bytes, suffix: str) -> str:
 
 
 def settled(file: Path, key: str) -> str:
-    """The name that a file of a key is to have, once its content is on the disk.
+    """The name for a file of a key, once its content is on the disk.
 
-    Else a machine that loses power may have the name without the content.
+    Otherwise a machine that loses power might keep the name without the content.
     """
     with file.open("rb") as source:
         os.fsync(source.fileno())

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from copose.cell.cell import Cell
 from copose.cell.notes import once, standing_notes
 from copose.collision import Scene
-from copose.collision.robot_solids import large_links
+from copose.collision.links.robot_links import large_links
 from copose.kernels import one_at_a_time
 from copose.posture.start_postures import starts
 from copose.problem import Problem

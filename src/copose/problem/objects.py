@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self, TypeAlias
+from typing import Annotated, ClassVar, Literal, Self, TypeAlias
 
+import numpy as np
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
@@ -12,7 +13,19 @@ from copose.problem.fields import Inertia, Name, Number, Pair, Positive, Quatern
 from copose.problem.freedom import PlanarFreedom, SpatialFreedom
 
 
-class Box(Spec):
+class SolidShape(Spec):
+    """A body by its measures; ``flat`` in the plane."""
+
+    flat: ClassVar[bool] = False
+
+    @property
+    def measures(self) -> tuple[float, ...]:
+        """All lengths that give the shape, in the order of its keys, m."""
+        keys = [key for key in type(self).model_fields if key != "kind"]
+        return tuple(np.hstack([getattr(self, key) for key in keys]).tolist())
+
+
+class Box(SolidShape):
     """A box by its edge lengths, m.
 
     Attributes:
@@ -24,7 +37,7 @@ class Box(Spec):
     size: tuple[Positive, Positive, Positive]
 
 
-class Sphere(Spec):
+class Sphere(SolidShape):
     """A sphere.
 
     Attributes:
@@ -36,7 +49,7 @@ class Sphere(Spec):
     radius: Positive
 
 
-class Cylinder(Spec):
+class Cylinder(SolidShape):
     """A cylinder along z.
 
     Attributes:
@@ -50,7 +63,7 @@ class Cylinder(Spec):
     length: Positive
 
 
-class CapsuleShape(Spec):
+class CapsuleShape(SolidShape):
     """All points within the radius of a segment along z, whose ends are ``length`` apart.
 
     Attributes:
@@ -64,7 +77,7 @@ class CapsuleShape(Spec):
     length: Positive
 
 
-class Rectangle(Spec):
+class Rectangle(SolidShape):
     """A planar box by its width and height, m.
 
     Attributes:
@@ -74,9 +87,10 @@ class Rectangle(Spec):
 
     kind: Literal["box"]
     size: tuple[Positive, Positive]
+    flat: ClassVar[bool] = True
 
 
-class Disk(Spec):
+class Disk(SolidShape):
     """A disk.
 
     Attributes:
@@ -86,6 +100,7 @@ class Disk(Spec):
 
     kind: Literal["disk"]
     radius: Positive
+    flat: ClassVar[bool] = True
 
 
 SpatialShape: TypeAlias = Annotated[Box | Sphere | Cylinder, Field(discriminator="kind")]

@@ -1,8 +1,8 @@
 """Each arm as plain numbers: joints, placements, inertias, limits."""
 
 from copose.robots.arm import Arm, Body, Joint, finite_range, freed
-from copose.robots.loading import WholeRobot, load_arms, whole_robots
-from copose.robots.start import ArmStart
+from copose.robots.arm_start import ArmStart
+from copose.robots.problem_arms import WholeRobot, load_arms, whole_robots
 
 __all__ = [
     "Arm",

@@ -1,4 +1,4 @@
-"""An arm as plain numbers: what every later room needs to know of a robot."""
+"""An arm as plain numbers: joints, placements, inertias and limits."""
 
 from __future__ import annotations
 
@@ -9,16 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from copose.errors import InputError, shown
 from copose.poses import Array, Pose, frozen_array, rotation_rows
 from copose.problem import ArmSpec
-
-# Position limits from here on stand for none.
-_NO_LIMIT = 1e6
-_PER_JOINT = (
-    "start", "torque_limits", "position_limits", "velocity_limits", "acceleration_limits",
-    "armature",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +40,7 @@ class Body:
 
 
 def motion(kind: str, axis: Array, position: float) -> Pose:
-    """How far a joint has gone at a position: along its unit axis, m, or about it, rad."""
+    """The motion of a joint at a position, along its unit axis, m, or about it, rad."""
     if kind == "prismatic":
         return Pose.from_rpy(axis * position)
     quaternion = [math.cos(position / 2), *(axis * math.sin(position / 2))]
@@ -65,7 +57,8 @@ class Joint:
         axis: unit axis in the joint's frame.
         placement: joint frame at zero in the frame of the joint before it (the first: in the root).
         body: everything rigidly attached, in the joint's frame.
-        lower: lowest position, −inf where there is none; ``upper`` alike.
+        lower: lowest position, −inf where there is none.
+        upper: highest position, inf where there is none.
         velocity: speed limit, inf where there is none.
         acceleration: limit of its acceleration, inf where there is none.
         effort: torque or force limit, inf where there is none.
@@ -101,10 +94,10 @@ class LockedJoint:
 
 @dataclass(frozen=True)
 class Oddity:
-    """A number of a robot's file that no robot has.
+    """An implausible number in a robot's file.
 
     Attributes:
-        about: what it is a number of.
+        about: the quantity.
         text: a sentence that names the link or the joint.
     """
 
@@ -129,8 +122,8 @@ class Arm:
         free: which of ``base`` and ``grasp`` may be moved.
         fixed: whether it is held at its start.
         weightless: why the inertia of its links is not known, if it is not.
-        notes: what its file says that is read otherwise.
-        oddities: numbers of its file that no robot has.
+        notes: remarks on what is read otherwise than its file says.
+        oddities: implausible numbers in its file.
     """
 
     name: str
@@ -160,10 +153,10 @@ class Arm:
 
     def frames(self, positions: Sequence[float] | Array) -> tuple[Pose, ...]:
         """Root, joints and tip in the world at joint positions, rad or m."""
-        found = [self.base]
+        frames = [self.base]
         for joint, position in zip(self.joints, positions, strict=True):
-            found.append(found[-1] @ joint.at(float(position)))
-        return (*found, found[-1] @ self.tip)
+            frames.append(frames[-1] @ joint.at(float(position)))
+        return (*frames, frames[-1] @ self.tip)
 
     @property
     def fingerprint(self) -> bytes:
@@ -181,90 +174,23 @@ class Arm:
 
     @property
     def lower(self) -> Array:
-        """Lowest joint positions, −inf where unlimited, shape (n,)."""
+        """Lowest joint positions, −inf where unlimited, (n,)."""
         return np.array([joint.lower for joint in self.joints])
 
     @property
     def upper(self) -> Array:
-        """Highest joint positions, inf where unlimited, shape (n,)."""
+        """Highest joint positions, inf where unlimited, (n,)."""
         return np.array([joint.upper for joint in self.joints])
 
 
 def finite_range(lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Bounds with one turn in the place of a missing limit, from the other limit or about zero."""
+    """Bounds of joints, (n,) each, one turn apart where a limit is missing."""
     low = np.where(
         np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 2 * np.pi, -np.pi)
     )
     return low, np.where(np.isfinite(upper), upper, low + 2 * np.pi)
 
 
-class Doubts:
-    """What the limits of an arm's joints are read as, where that is not what its file says."""
-
-    def __init__(self) -> None:
-        """Nothing yet."""
-        self._joints: dict[str, list[str]] = {}
-
-    def positions(self, joint: str, limits: tuple[float, float]) -> tuple[float, float]:
-        """Limits of a joint's position; those of 1e6 and more are none."""
-        if any(_NO_LIMIT <= abs(limit) < np.inf for limit in limits):
-            self.note("position limits of 1e6 and more count as none", joint)
-        lower, upper = (limit if abs(limit) < _NO_LIMIT else np.inf for limit in limits)
-        return -lower if lower == np.inf else lower, upper
-
-    def positive(self, what: str, joint: str, limit: float | None, fault: str = "") -> float:
-        """A limit that only a positive number is; infinite where it is none, or not given.
-
-        Args:
-            what: it limits, in the plural.
-            joint: its name.
-            limit: as written.
-            fault: why it cannot be read, if it cannot.
-        """
-        if limit is not None and limit > 0:
-            return limit
-        if limit is not None or fault:
-            shown = "no number" if limit is None else f"{limit:g}"
-            self.note(f"limits of {what} that are not above zero count as not given", joint, shown)
-        return np.inf
-
-    def told(self, arm: str) -> tuple[str, ...]:
-        """A sentence on each kind, with the joints."""
-        return tuple(
-            f"arm {arm!r}: {what}: {', '.join(joints)}" for what, joints in self._joints.items()
-        )
-
-    def note(self, what: str, joint: str, value: str = "") -> None:
-        """What something is read as, of a joint, or of a link."""
-        self._joints.setdefault(what, []).append(f"{joint} ({value})" if value else joint)
-
-
-def check_lengths(spec: ArmSpec, names: tuple[str, ...], key: str) -> None:
-    """Refuse a per-joint array of the wrong length, naming the joints it is for."""
-    for field_name in _PER_JOINT:
-        values = getattr(spec, field_name)
-        if values is not None and len(values) != len(names):
-            raise InputError(
-                f"has {len(values)} entries; {len(names)} are needed, for {', '.join(names)}",
-                key=f"{key}.{field_name}",
-            )
-
-
 def freed(spec: ArmSpec) -> tuple[str, ...]:
-    """Which of an arm's base and grasp its ``freedom`` lets move."""
+    """Those of an arm's base and grasp that its ``freedom`` lets move."""
     return tuple(what for what in ("base", "grasp") if getattr(spec.freedom, what).ranges)
-
-
-def start_within_limits(spec: ArmSpec, joints: tuple[Joint, ...], key: str) -> Array | None:
-    """The start, clipped where it misses a limit by rounding only."""
-    if spec.start is None:
-        return None
-    for i, (position, joint) in enumerate(zip(spec.start, joints, strict=True)):
-        if not joint.lower - 1e-6 <= position <= joint.upper + 1e-6:
-            raise InputError(
-                f"{shown(position)} is outside the limits of {joint.name}: "
-                f"{joint.lower:g} … {joint.upper:g}",
-                key=f"{key}.start[{i}]",
-            )
-    limits = [(joint.lower, joint.upper) for joint in joints]
-    return frozen_array(np.clip(spec.start, *np.array(limits).T))

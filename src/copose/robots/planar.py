@@ -6,15 +6,8 @@ import numpy as np
 
 from copose.poses import Pose, frozen_array
 from copose.problem import PlanarArm
-from copose.robots.arm import (
-    Arm,
-    Body,
-    Doubts,
-    Joint,
-    check_lengths,
-    freed,
-    start_within_limits,
-)
+from copose.robots.arm import Arm, Body, Joint, freed
+from copose.robots.limits import LimitNotes, check_lengths, start_within_limits
 
 
 def planar_arm(spec: PlanarArm, key: str) -> Arm:
@@ -26,7 +19,7 @@ def planar_arm(spec: PlanarArm, key: str) -> Arm:
     names = tuple(f"joint{i + 1}" for i in range(len(spec.links)))
     check_lengths(spec, names, key)
     tip = Pose.from_rpy((spec.links[-1].length, 0.0, 0.0))
-    joints, doubts = [], Doubts()
+    joints, notes = [], LimitNotes()
     reach = 0.0
     for i, link in enumerate(spec.links):
         body = _body(link.mass, (link.com, 0.0), link.inertia)
@@ -34,7 +27,7 @@ def planar_arm(spec: PlanarArm, key: str) -> Arm:
             tool = _body(spec.tool.mass, spec.tool.com, spec.tool.inertia)
             body = body + tool.placed(tip)
         limits = spec.position_limits[i] if spec.position_limits else (-np.inf, np.inf)
-        lower, upper = doubts.positions(names[i], limits)
+        lower, upper = notes.positions(names[i], limits)
         joints.append(
             Joint(
                 name=names[i],
@@ -62,7 +55,7 @@ def planar_arm(spec: PlanarArm, key: str) -> Arm:
         start=start_within_limits(spec, chain, key),
         free=freed(spec),
         fixed=spec.fixed,
-        notes=doubts.told(spec.name),
+        notes=notes.told(spec.name),
     )
 
 

@@ -1,4 +1,4 @@
-"""Numbers in a robot's file that no robot has."""
+"""Implausible inertias and limits in a robot's file."""
 
 from __future__ import annotations
 
@@ -11,25 +11,27 @@ import numpy as np
 
 from copose.poses import Array, frozen_array
 from copose.robots.arm import Joint, Oddity
-from copose.robots.tree import Tree
+from copose.robots.files.tree import Tree
 
-# Part by which the largest principal moment may exceed the sum of the other two: files round.
-_TRIANGLE_SLACK = 0.01
-# Part of the largest principal moment that the smallest may be below zero: files round.
-_ROUNDING = 1e-3
-# Moments per mass, m², that are zero but for their last binary digit.
-_NOTHING = 1e-9
-# Moments as parts of an arm's mass times its longest link squared: what only a frame has, which
-# matters to nobody, and what is too small to change what the arm can do.
-_FRAME = 1e-5
-_NEGLIGIBLE = 1e-3
-# Size of a link with a mesh, or without shapes, by the way between its joints, and by half the
-# longest of its arm: bodies reach beyond their joints, and have one where joints meet in a point.
-_REACH = 1.25
-# Links of one mass or one inertia, and joints of one torque limit, that are too many for chance.
-_MANY = 4
-# Torques, N·m or N, and speeds, rad/s or m/s, beyond those of any robot.
-_BEYOND = 1e5
+
+@dataclass(frozen=True)
+class PlausibilityOptions:
+    """Bounds of what is plausible."""
+
+    # Share by which the largest principal moment may exceed the sum of the other two, as files
+    # round.
+    triangle: float = 0.01
+    negative: float = 1e-3  # share of the largest moment by which the smallest may be below zero
+    zero: float = 1e-9  # m², moments per mass that are zero but for rounding
+    # Moments as shares of an arm's mass times its longest link squared: of a mere frame, and of a
+    # link too light to change what the arm can do.
+    frame: float = 1e-5
+    negligible: float = 1e-3
+    # Size of a link with a mesh, or without shapes, by the distance of its joints, and by half the
+    # longest of the arm: bodies reach beyond their joints, also where joints meet in a point.
+    reach: float = 1.25
+    repeated: int = 4  # links of one inertial, or joints of one limit, that are no chance
+    largest: float = 1e5  # torque, N·m or N, and speed, rad/s or m/s
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +42,7 @@ class _Inertial:
         link: its name.
         mass: kg.
         moments: principal ones, ascending, kg·m², (3,).
-        size: diagonal of the box round what is known of the link, or how far it is from the link
+        size: diagonal of the box round what is known of the link, or its distance from the link
             that it hangs on, m.
         bounded: whether that is all of it: it has shapes, and none is a mesh.
     """
@@ -62,45 +64,52 @@ class _Inertial:
         return float(self.moments[2] / max(self.moments[0] + self.moments[1], 1e-300))
 
 
-def negative_inertias(tree: Tree, links: Sequence[str]) -> list[str]:
-    """Why mechanics makes no sense with some of a robot's links: moments of inertia below zero."""
+def negative_inertias(
+    tree: Tree, links: Sequence[str], options: PlausibilityOptions = PlausibilityOptions()
+) -> list[str]:
+    """Sentences on links with moments of inertia below zero, which no body has."""
     return [
         f"the inertia of link {body.link!r} is negative: its principal moments are "
         f"{_listed(body.moments)} kg·m²"
         for body in _inertials(tree, links)
-        if -body.moments[0] > max(_ROUNDING * body.moments[2], _NOTHING * body.mass)
+        if -body.moments[0] > max(options.negative * body.moments[2], options.zero * body.mass)
     ]
 
 
-def inertia_oddities(tree: Tree, links: Sequence[str]) -> tuple[Oddity, ...]:
-    """What no robot has of the inertials of the links that an arm moves."""
+def inertia_oddities(
+    tree: Tree, links: Sequence[str], options: PlausibilityOptions = PlausibilityOptions()
+) -> tuple[Oddity, ...]:
+    """Implausible inertials of the links that an arm moves."""
     between = (j.origin.position for j in tree.order if j.parent in links and j.child in links)
     longest = max((float(np.linalg.norm(offset)) for offset in between), default=0.0)
-    texts = _oddities(_inertials(tree, links), longest)
+    texts = _oddities(_inertials(tree, links), longest, options)
     return tuple(Oddity("inertia", text) for text in texts)
 
 
-def limit_oddities(joints: Sequence[Joint]) -> tuple[Oddity, ...]:
-    """What no robot has of the torque and speed limits of an arm's joints."""
-    oddities = []
+def limit_oddities(
+    joints: Sequence[Joint], options: PlausibilityOptions = PlausibilityOptions()
+) -> tuple[Oddity, ...]:
+    """Implausible torque and speed limits of an arm's joints."""
+    oddities, most = [], options.largest
     efforts = [joint.effort for joint in joints]
-    if len(joints) >= _MANY and len(set(efforts)) == 1 and math.isfinite(efforts[0]):
+    if len(joints) >= options.repeated and len(set(efforts)) == 1 and math.isfinite(efforts[0]):
         listed = ", ".join(f"{effort:g}" for effort in efforts)
         oddities.append(
             Oddity("effort", f"torque limits look like placeholders: {listed}, one for all joints")
         )
-    oddities += _beyond("effort", "torque", {joint.name: joint.effort for joint in joints})
-    oddities += _beyond("speed", "speed", {joint.name: joint.velocity for joint in joints})
+    oddities += _beyond("effort", "torque", {joint.name: joint.effort for joint in joints}, most)
+    oddities += _beyond("speed", "speed", {joint.name: joint.velocity for joint in joints}, most)
     return tuple(oddities)
 
 
 def _beyond(
-    about: Literal["effort", "speed"], what: str, limits: Mapping[str, float]
+    about: Literal["effort", "speed"], what: str, limits: Mapping[str, float], most: float
 ) -> Iterator[Oddity]:
+    """A sentence on the limits that are larger than any robot's, if there are any."""
     huge = [
         f"the {what} limit of joint {name!r}, {limit:g}, is beyond any robot's"
         for name, limit in limits.items()
-        if _BEYOND < limit < math.inf
+        if most < limit < math.inf
     ]
     if huge:
         yield Oddity(about, _first(huge))
@@ -125,9 +134,11 @@ def _inertials(tree: Tree, links: Sequence[str]) -> list[_Inertial]:
     return inertials
 
 
-def _oddities(bodies: Sequence[_Inertial], longest: float) -> Iterator[str]:
-    """Sentences on the inertials of an arm whose joints are at most so far apart, m."""
-    if len(bodies) >= _MANY:
+def _oddities(
+    bodies: Sequence[_Inertial], longest: float, options: PlausibilityOptions
+) -> Iterator[str]:
+    """Sentences on the inertials of an arm, by the longest distance of its joints, m."""
+    if len(bodies) >= options.repeated:
         if len({body.mass for body in bodies}) == 1:
             yield f"all links have one mass, {bodies[0].mass:g} kg, as placeholders do"
         if np.allclose([body.moments for body in bodies], bodies[0].moments, rtol=1e-6, atol=0):
@@ -139,8 +150,8 @@ def _oddities(bodies: Sequence[_Inertial], longest: float) -> Iterator[str]:
     broken = [
         body
         for body in bodies
-        if body.excess > 1 + _TRIANGLE_SLACK
-        and body.moments[2] > max(_FRAME * whole, _NOTHING * body.mass)
+        if body.excess > 1 + options.triangle
+        and body.moments[2] > max(options.frame * whole, options.zero * body.mass)
     ]
     if broken:
         broken.sort(key=lambda body: -body.excess)
@@ -153,8 +164,8 @@ def _oddities(bodies: Sequence[_Inertial], longest: float) -> Iterator[str]:
         )
     large = []
     for body in bodies:
-        size = body.size if body.bounded else _REACH * max(body.size, longest / 2)
-        if body.moments[2] > _NEGLIGIBLE * whole and body.gyration > size > 0:
+        size = body.size if body.bounded else options.reach * max(body.size, longest / 2)
+        if body.moments[2] > options.negligible * whole and body.gyration > size > 0:
             text = (
                 f"the inertia of link {body.link!r} is that of a larger body: its radius of "
                 f"gyration is {body.gyration:.3g} m, the link's size about {size:.2g} m"
@@ -165,7 +176,7 @@ def _oddities(bodies: Sequence[_Inertial], longest: float) -> Iterator[str]:
 
 
 def _first(texts: Sequence[str]) -> str:
-    """The first of some sentences, and how many more there are."""
+    """The first of some sentences, and the number of the others."""
     return texts[0] + (f" (and {len(texts) - 1} more)" if len(texts) > 1 else "")
 
 

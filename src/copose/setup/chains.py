@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from copose.robots.tree import MOVABLE, Tree, TreeJoint
+from copose.robots.files.tree import MOVABLE, Tree, TreeJoint
 
 # Joints that an arm has at least, and those above a hand of several fingers.
 FEWEST = 3

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from copose.collision.link_shapes import LinkShapes
+from copose.collision.links.link_shapes import LinkShapes
 from copose.poses import Array, Pose
 from copose.robots import Arm
 from copose.robots.robot import Robot

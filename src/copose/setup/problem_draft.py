@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from copose.cell.cell import Cell
-from copose.collision.link_shapes import LinkShapes
+from copose.collision.links.link_shapes import LinkShapes
 from copose.errors import InputError, nearest
 from copose.kernels import one_at_a_time
 from copose.loader import parse

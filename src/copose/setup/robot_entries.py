@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from copose.errors import InputError, nearest
-from copose.robots.mjcf_tree import first_tag, read_mjcf
-from copose.robots.paths import resolve
+from copose.robots.files.file_paths import resolve
+from copose.robots.files.mjcf_tree import first_tag, read_mjcf
+from copose.robots.files.urdf_tree import read_tree
 from copose.robots.robot import Robot
-from copose.robots.urdf_tree import read_tree
 from copose.setup.chains import Chain, chain_to, find_chains
 from copose.setup.srdf import srdf_tips
 

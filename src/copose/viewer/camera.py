@@ -20,14 +20,15 @@ from copose.viewer.looks import Look
 if TYPE_CHECKING:
     from viser import InitialCameraConfig
 
-# Angle that a page shows from its lower to its upper edge, rad.
-_ANGLE = np.radians(35.0)
-# What is left free around the cell, as a share of it.
-_MARGIN = 1.12
-# Width of a page over its height, at least: what is beside is hidden by nothing.
-_WIDE = 1.2
-# Directions in which a link's hull reaches as far as the link does.
-_CUBE = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)]) - 1.0
+
+@dataclass(frozen=True)
+class CameraOptions:
+    """The first view of a cell."""
+
+    angle: float = np.radians(35.0)  # rad, from the lower to the upper edge of a page
+    margin: float = 1.12  # distance of the eye by that at which the cell fills the page
+    aspect: float = 1.2  # width of a page over its height, at least
+    least: float = 0.05  # m, half the height of what is seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +36,8 @@ class Camera:
     """An eye in the world.
 
     Attributes:
-        position: where it is, m, (3,).
-        target: what it looks at, m, (3,).
+        position: of the eye, m, (3,).
+        target: the point that it looks at, m, (3,).
         up: the direction that is up in the picture, (3,).
         angle: that the picture shows from its lower to its upper edge, rad.
     """
@@ -56,7 +57,7 @@ class Camera:
         return np.array([right, np.cross(toward, right), toward])
 
     def place(self, initial: InitialCameraConfig) -> None:
-        """Make a page start with it."""
+        """Make a page start with this camera."""
         initial.position = self.position
         initial.look_at = self.target
         initial.up = self.up
@@ -64,7 +65,13 @@ class Camera:
 
 
 def first_camera(
-    posture: Posture, arms: Sequence[Arm], looks: Sequence[Look], points: Array, *, planar: bool
+    posture: Posture,
+    arms: Sequence[Arm],
+    looks: Sequence[Look],
+    points: Array,
+    *,
+    planar: bool,
+    options: CameraOptions = CameraOptions(),
 ) -> Camera:
     """An eye that sees a posture as pictures do: hands and object above all; the plane from above.
 
@@ -72,8 +79,9 @@ def first_camera(
         posture: what is to be seen.
         arms: the arms.
         looks: of their links.
-        points: of the object and of what is to be in the picture, (k, 3).
+        points: of the object and of what is to be in the picture, m, (k, 3).
         planar: whether the arms move in the x-y plane.
+        options: of the view.
     """
     if planar:
         right, up, toward = np.eye(3)
@@ -84,12 +92,12 @@ def first_camera(
         around = np.vstack([points, *(body.points for body in bodies)])
     seen = around @ np.array([right, up, toward]).T
     low, high = seen.min(axis=0), seen.max(axis=0)
-    half = np.maximum(np.ptp(seen[:, :2], axis=0) / (2 * _WIDE, 2), 0.05).max()
+    half = np.maximum(np.ptp(seen[:, :2], axis=0) / (2 * options.aspect, 2), options.least).max()
     middle = (low + high) / 2
-    away = _MARGIN * half / np.tan(_ANGLE / 2) + (high - low)[2] / 2
+    away = options.margin * half / np.tan(options.angle / 2) + (high - low)[2] / 2
     target = middle @ np.array([right, up, toward])
     above = np.array([0.0, 1.0, 0.0]) if planar else np.array([0.0, 0.0, 1.0])
-    return Camera(target + away * toward, target, above, float(_ANGLE))
+    return Camera(target + away * toward, target, above, float(options.angle))
 
 
 def placed(look: Look, posture: Posture, arms: Sequence[Arm]) -> Array:
@@ -102,14 +110,16 @@ def placed(look: Look, posture: Posture, arms: Sequence[Arm]) -> Array:
 
 def _bodies(posture: Posture, arms: Sequence[Arm], looks: Sequence[Look]) -> list[LinkBody]:
     """The links as rough convex bodies."""
-    found = []
+    # Directions in which a link's hull reaches as far as the link does.
+    cube = np.array([place for place in np.ndindex(3, 3, 3) if place != (1, 1, 1)]) - 1.0
+    bodies = []
     for look in looks:
         arm = arms[look.carrier.arm]
         corners = placed(look, posture, arms)
-        corners = corners[np.unique((corners @ _CUBE.T).argmax(axis=0))]
+        corners = corners[np.unique((corners @ cube.T).argmax(axis=0))]
         with contextlib.suppress(QhullError, ValueError):
             hull = ConvexHull(corners)
-            found.append(
+            bodies.append(
                 LinkBody(
                     arm=None if look.shared else arm.name,
                     frame=look.carrier.joint + 1,
@@ -118,4 +128,4 @@ def _bodies(posture: Posture, arms: Sequence[Arm], looks: Sequence[Look]) -> lis
                     normals=hull.equations[:, :3],
                 )
             )
-    return found
+    return bodies

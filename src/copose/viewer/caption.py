@@ -1,48 +1,66 @@
-"""The words of a page: what is shown, in which colours, and how far it is better."""
+"""The caption of a page: its title, the objective and its gain, and the colours."""
 
 from __future__ import annotations
 
 import html
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from copose.report import style
 from copose.results import Motion, Posture, Solution
-from copose.viewer.slices import COLORS, Slices
-
-_STYLE = (
-    "position:fixed;left:16px;bottom:{};z-index:5;pointer-events:none;max-width:60vw;"
-    "font:13px/1.5 system-ui,sans-serif;color:#222;text-shadow:0 0 3px #fff,0 0 3px #fff"
-)
-# How far above a page's lower edge words stand: what plays has a bar there.
-_STILL = "14px"
-_PLAYING = "58px"
-_SWATCH = (
-    "display:inline-block;width:10px;height:10px;border-radius:5px;margin-right:6px;background:{}"
-)
+from copose.viewer.nodes.ellipsoids import Slices
 
 
-def caption(result: Solution | Motion, shown: Sequence[Posture], slices: Slices) -> str:
-    """Words for a corner of a page: its title, the objective, and what the colours mean.
+@dataclass(frozen=True)
+class CaptionLook:
+    """Styles of a caption, in CSS."""
+
+    block: str = (
+        "position:fixed;left:16px;bottom:{};z-index:5;pointer-events:none;max-width:60vw;"
+        "font:13px/1.5 system-ui,sans-serif;color:#222;text-shadow:0 0 3px #fff,0 0 3px #fff"
+    )
+    still: str = "14px"  # distance from the lower edge of the page
+    playing: str = "58px"  # the same of a motion, which has a bar below
+    swatch: str = (
+        "display:inline-block;width:10px;height:10px;border-radius:5px;margin-right:6px;"
+        "background:{}"
+    )
+
+    def entry(self, color: str, words: str) -> str:
+        """A line of a legend."""
+        return f'<div><span style="{self.swatch.format(color)}"></span>{html.escape(words)}</div>'
+
+
+def caption_html(
+    result: Solution | Motion,
+    shown: Sequence[Posture],
+    slices: Slices,
+    look: CaptionLook = CaptionLook(),
+) -> str:
+    """The caption in a corner of a page: its title, the objective, and a legend of the colours.
 
     Args:
         result: what is shown.
         shown: its postures.
         slices: the ellipsoids as they are drawn.
+        look: styles.
     """
+    moves = isinstance(result, Motion)
     lines = [f'<div style="font-weight:600;font-size:15px">{_title(result)}</div>']
     words = _value(result, shown)
     if words:
         lines.append(f"<div>{html.escape(words)}</div>")
-    lines += [_entry(color, f"arm {name}") for name, color in style.arm_colors(shown[0]).items()]
+    lines += [
+        look.entry(color, f"arm {name}") for name, color in style.arm_colors(shown[0]).items()
+    ]
     units = dict(zip(("linear", "angular"), style.units(result), strict=True))
     for kind, scale in slices.scales.items():
         value = style.round_scale(0.2 / scale)
         size = f"{value * scale:.2g} m drawn = {value:g} {units[kind]}"
-        lines.append(_entry(COLORS[kind], f"{kind} accelerations, {size}"))
-    ghost = "where it begins" if isinstance(result, Motion) else "before"
+        lines.append(look.entry(slices.look.colors[kind], f"{kind} accelerations, {size}"))
     if isinstance(result, Motion) or style.compared(result):
-        lines.append(_entry(style.BEFORE, ghost))
-    place = _STYLE.format(_PLAYING if isinstance(result, Motion) else _STILL)
+        lines.append(look.entry(style.BEFORE, "where it begins" if moves else "before"))
+    place = look.block.format(look.playing if moves else look.still)
     return f'<div id="copose-caption" style="{place}">{"".join(lines)}</div>'
 
 
@@ -51,14 +69,10 @@ def _title(result: Solution | Motion) -> str:
 
 
 def _value(result: Solution | Motion, shown: Sequence[Posture]) -> str:
-    """The objective, and what was gained."""
+    """The objective's value and its gain."""
     if isinstance(result, Motion):
         seconds = result.time[-1] - result.time[0] if result.time else 0.0
         return f"{style.objective_name(result)} along the path, {seconds:.3g} s"
     words = style.value_words(result, shown[0])
     gain = style.gain_words(result)
     return f"{words}; {gain}" if gain else words
-
-
-def _entry(color: str, words: str) -> str:
-    return f'<div><span style="{_SWATCH.format(color)}"></span>{html.escape(words)}</div>'

@@ -1,4 +1,4 @@
-"""A result as one page that opens from a file and asks nothing of any network."""
+"""A result as one page that opens from a file and needs no network."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import contextlib
 import html
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,7 @@ from copose.errors import InputError
 from copose.problem import Problem
 from copose.results import CasePosture, Motion, Posture, Solution
 from copose.robots import Arm, load_arms
-from copose.viewer.caption import caption
+from copose.viewer.caption import caption_html
 from copose.viewer.looks import link_looks
 from copose.viewer.scene import CellScene
 from copose.viewer.server import quiet_server, stop
@@ -22,17 +23,24 @@ from copose.viewer.server import quiet_server, stop
 if TYPE_CHECKING:
     from viser import ViserServer
 
-# Seconds that a motion rests where it begins and where it ends.
-_REST = 0.7
-# Seconds that a motion is played for, over and over, at least: a page that comes to the end of its
-# recording builds the scene anew, which is seen.
-_LONG = 30.0
-# What lengths of links may differ by from the result's, m.
-_SAME = 1e-6
+
+@dataclass(frozen=True)
+class PageOptions:
+    """Times of a recorded motion, and what problem and result may differ by."""
+
+    rest: float = 0.7  # s, for which a motion rests where it begins and where it ends
+    # Shortest recording, s, in which the motion is repeated: at its end a page visibly builds the
+    # scene anew.
+    least: float = 30.0
+    same: float = 1e-6  # m, by which lengths of links may differ from the result's
 
 
 def page_html(
-    result: Solution | Motion, problem: Problem, *, posture: Posture | None = None
+    result: Solution | Motion,
+    problem: Problem,
+    *,
+    posture: Posture | None = None,
+    options: PageOptions = PageOptions(),
 ) -> str:
     """A page of a posture, with the one before as a ghost, or of a motion, which plays in a loop.
 
@@ -40,6 +48,7 @@ def page_html(
         result: with ``after``, ``cases`` or ``knots``.
         problem: that was solved.
         posture: which of a solution's; left out, ``after``, or the first case's.
+        options: times and tolerances.
 
     Raises:
         InputError: there is nothing to show, the problem is not the result's, a robot cannot be
@@ -47,7 +56,7 @@ def page_html(
     """
     shown = _postures(result, posture)
     arms = load_arms(problem)
-    _check(result, problem, arms, shown[0])
+    _check(result, problem, arms, shown[0], options.same)
     looks = link_looks(problem, arms)
     with _server() as server:
         scene = CellScene(server.scene, problem, arms, looks)
@@ -60,7 +69,7 @@ def page_html(
             scene.show_path(shown)
         page = server.get_scene_serializer()
         if isinstance(result, Motion) and result.time is not None:
-            for now, seconds in _played(shown, result.time):
+            for now, seconds in _played(shown, result.time, options):
                 scene.show(now)
                 page.insert_sleep(seconds)
         text = page.as_html()
@@ -70,14 +79,16 @@ def page_html(
     body = re.search("<body[^>]*>", text)
     if body is None:
         return text
-    return text[: body.end()] + caption(result, shown, scene.slices) + text[body.end() :]
+    return text[: body.end()] + caption_html(result, shown, scene.slices) + text[body.end() :]
 
 
-def _played(shown: Sequence[Posture], time: Sequence[float]) -> Iterator[tuple[Posture, float]]:
-    """The postures of a motion, over and over, and for how many seconds each is seen."""
-    steps = [*np.diff(time).tolist(), _REST]
-    steps[0] += _REST
-    for _ in range(max(1, round(_LONG / sum(steps)))):
+def _played(
+    shown: Sequence[Posture], time: Sequence[float], options: PageOptions
+) -> Iterator[tuple[Posture, float]]:
+    """The postures of a motion, repeated, each with the seconds for which it is seen."""
+    steps = [*np.diff(time).tolist(), options.rest]
+    steps[0] += options.rest
+    for _ in range(max(1, round(options.least / sum(steps)))):
         yield from zip(shown, steps, strict=True)
 
 
@@ -92,15 +103,16 @@ def _server() -> Iterator[ViserServer]:
 
 
 def _postures(result: Solution | Motion, posture: Posture | None) -> Sequence[Posture]:
-    """What is shown, in the order of time."""
+    """The postures that are shown, in the order of time."""
     if isinstance(result, Motion):
-        found: Sequence[Posture] = result.knots or ()
+        shown: Sequence[Posture] = result.knots or ()
     else:
-        found = [each for each in (posture, result.after, *(result.cases or ())) if each][:1]
-    if not found:
+        choices = (posture, result.after, *(result.cases or ()))
+        shown = [choice for choice in choices if choice][:1]
+    if not shown:
         why = f": {result.reason}" if result.reason else ""
         raise InputError(f"has nothing to show, it is {result.status}{why}")
-    return found
+    return shown
 
 
 def _before(result: Solution | Motion, shown: Posture) -> Posture | None:
@@ -108,8 +120,7 @@ def _before(result: Solution | Motion, shown: Posture) -> Posture | None:
     if isinstance(result, Motion):
         return shown
     if isinstance(shown, CasePosture):
-        before = [each for each in result.cases_before or () if each.name == shown.name]
-        return before[0] if before else None
+        return next((c for c in result.cases_before or () if c.name == shown.name), None)
     return result.before
 
 
@@ -118,7 +129,11 @@ def _longest(posture: Posture) -> float:
 
 
 def _check(
-    result: Solution | Motion, problem: Problem, arms: Sequence[Arm], posture: Posture
+    result: Solution | Motion,
+    problem: Problem,
+    arms: Sequence[Arm],
+    posture: Posture,
+    same: float,
 ) -> None:
     """Refuse a problem that is not the result's."""
     if {arm.name: arm.joint_names for arm in arms} != result.joint_names:
@@ -126,7 +141,7 @@ def _check(
     for arm in arms:
         here = np.array([f.position for f in arm.frames(posture.joints[arm.name])])
         there = np.array(posture.arms[arm.name].skeleton)
-        if here.shape != there.shape or not np.allclose(_steps(here), _steps(there), 0, _SAME):
+        if here.shape != there.shape or not np.allclose(_steps(here), _steps(there), 0, same):
             raise InputError(
                 f"has arm {arm.name!r} stand otherwise than the result; give the problem as it "
                 "was solved, with what --set changed",

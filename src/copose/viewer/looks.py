@@ -1,4 +1,4 @@
-"""The looks of the links of a problem's arms, each in the frame that moves it."""
+"""Surfaces of the links of a problem's arms, each in the frame that moves it."""
 
 from __future__ import annotations
 
@@ -14,20 +14,22 @@ from copose.errors import InputError
 from copose.poses import Array, Pose
 from copose.problem import Problem
 from copose.robots import Arm
-from copose.viewer.meshes import Surface, light_surface, simplifier
-from copose.viewer.solids import between
+from copose.viewer.surfaces.light_surfaces import Surface, light_surface, simplifier
+from copose.viewer.surfaces.triangles import between
 
-# Thickness of an arm without shapes, as a share of its length.
-_SLIM = 0.03
-# The least radius of such an arm, m.
-_LEAST = 0.01
-# The largest, m.
-_MOST = 0.06
+
+@dataclass(frozen=True)
+class SkeletonLook:
+    """The look of an arm without shapes."""
+
+    radius: float = 0.03  # as a share of the arm's length
+    least: float = 0.01  # m, radius
+    most: float = 0.06  # m, radius
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """The look of a link.
+    """The surface of a link.
 
     Attributes:
         name: of the link.
@@ -54,7 +56,7 @@ def link_looks(problem: Problem, arms: Sequence[Arm]) -> tuple[Look, ...]:
         InputError: fast_simplification is not installed.
     """
     simplifier()
-    found = []
+    looks = []
     made: dict[int, Surface | None] = {}
     with contextlib.suppress(InputError):
         for link in shapes_of_links(problem, arms):
@@ -64,12 +66,12 @@ def link_looks(problem: Problem, arms: Sequence[Arm]) -> tuple[Look, ...]:
             surface = made[id(link.choices)]
             if surface is not None:
                 vertices = _placed(surface.vertices, link.placement)
-                found.append(Look(link.name, link.carrier, vertices, surface.faces, link.shared))
-    moved = {look.carrier.arm for look in found if look.carrier.kind == "joint"}
+                looks.append(Look(link.name, link.carrier, vertices, surface.faces, link.shared))
+    moved = {look.carrier.arm for look in looks if look.carrier.kind == "joint"}
     for number, arm in enumerate(arms):
         if number not in moved:
-            found += _skeleton(number, arm)
-    return tuple(found)
+            looks += _skeleton(number, arm)
+    return tuple(looks)
 
 
 def _surface(choices: Sequence[tuple[Part, ...]]) -> Surface | None:
@@ -94,11 +96,11 @@ def _placed(vertices: np.ndarray, pose: Pose) -> np.ndarray:
     return np.asarray(vertices @ pose.rotation.T + pose.position, dtype=np.float32)
 
 
-def _skeleton(number: int, arm: Arm) -> Iterator[Look]:
+def _skeleton(number: int, arm: Arm, look: SkeletonLook = SkeletonLook()) -> Iterator[Look]:
     """Capsules from joint to joint, each in the frame of the joint before."""
     ends: list[Array] = [joint.placement.position for joint in arm.joints] + [arm.tip.position]
     length = sum(float(np.linalg.norm(end)) for end in ends)
-    radius = float(np.clip(_SLIM * length, _LEAST, _MOST))
+    radius = float(np.clip(look.radius * length, look.least, look.most))
     carriers = [Carrier("root", number)] + [Carrier("joint", number, j) for j in range(arm.n)]
     for carrier, end in zip(carriers, ends, strict=True):
         if np.linalg.norm(end) > 1e-6 or carrier.kind == "joint":

@@ -7,35 +7,33 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from copose.collision import primitive_of
 from copose.poses import Array, Pose
 from copose.problem import Problem
 from copose.report import style
 from copose.results import Posture
 from copose.robots import Arm
-from copose.viewer.aims import Aims
-from copose.viewer.bodies import body, object_pose
 from copose.viewer.camera import Camera, first_camera
-from copose.viewer.exact import ExactSets
-from copose.viewer.ground import lay_grid
-from copose.viewer.hands import Hands, move, stretch
-from copose.viewer.lights import light, light_from
 from copose.viewer.looks import Look
 from copose.viewer.names import node
-from copose.viewer.robots import Robots, rgb
-from copose.viewer.slices import Slices
-from copose.viewer.things import add_object, add_obstacle
+from copose.viewer.nodes.arms import Robots
+from copose.viewer.nodes.colors import rgb
+from copose.viewer.nodes.directions import DirectionArrows
+from copose.viewer.nodes.ellipsoids import Slices
+from copose.viewer.nodes.exact_sets import ExactSets
+from copose.viewer.nodes.ground import lay_grid
+from copose.viewer.nodes.hands import Hands, move, stretch
+from copose.viewer.nodes.lights import light, light_from
+from copose.viewer.nodes.objects import add_object, add_obstacle
+from copose.viewer.result_poses import object_pose
+from copose.viewer.surfaces.primitive_surfaces import primitive_triangles
 
 if TYPE_CHECKING:
     from viser import FrameHandle, SceneApi
 
-# Thickness of the object's path, pixels.
-_LINE = 1.5
-# What the object must have moved or turned by for its ghost to be seen, m or rad.
-_ALIKE = 1e-6
-
 
 class CellScene:
-    """All that a page shows of a problem and a posture of its arms.
+    """The scene of a problem and a posture of its arms.
 
     Nodes are called ``/arms/NAME/…``, ``/before/NAME/…``, ``/object``, ``/grasps/NAME``,
     ``/obstacles/NAME``, ``/ellipsoid/…``, ``/exact/…``, ``/directions/…``, ``/path``, ``/grid``
@@ -74,7 +72,7 @@ class CellScene:
         self._shape = add_object(scene, node("object", "shape"), problem)
         self.slices = Slices(scene, problem, [arm.name for arm in arms])
         self._exact = ExactSets(scene, limits=problem.ellipsoid.torque_scaling == "limits")
-        self.aims = Aims(scene, problem)
+        self.aims = DirectionArrows(scene, problem)
         self.aims.point(problem.objective.pointed)
         self.obstacles = {each.name: add_obstacle(scene, each) for each in problem.obstacles}
         self._hands = Hands(scene, arms, rigid=problem.space.rigid)
@@ -156,7 +154,7 @@ class CellScene:
             node("path"),
             np.stack([points[:-1], points[1:]], axis=1),
             rgb(style.INK),
-            thickness=_LINE,
+            thickness=1.5,
             thickness_units="screen",
         )
 
@@ -184,28 +182,29 @@ class CellScene:
         self.aims.point(directions)
 
     def camera(self, posture: Posture, way: Sequence[Pose] = ()) -> Camera:
-        """Where pictures see a posture from; light comes from there too.
+        """The camera from which pictures see a posture; light comes from there too.
 
         Args:
             posture: what is seen.
-            way: where else the object comes, which is to be seen as well.
+            way: other poses of the object, which are to be seen as well.
         """
         moved = [self._corners(posture)]
         for kind in self.slices.scales:
             # Ellipsoids are drawn a share of the scene long.
             around = 0.15 * self.size * np.vstack([np.eye(3), -np.eye(3)])
             moved.append(self.slices.center(posture, kind) + around)
-        here = object_pose(posture).position
-        carried = [np.vstack(moved) + pose.position - here for pose in way]
+        origin = object_pose(posture).position
+        carried = [np.vstack(moved) + pose.position - origin for pose in way]
         points = np.vstack([self._points(posture), *moved, *carried])
-        for each in self._problem.obstacles:
-            corners = body(each.shape).vertices @ each.pose.rotation.T + each.pose.position
+        for obstacle in self._problem.obstacles:
+            corners = primitive_triangles(primitive_of(obstacle.shape)).vertices
+            corners = corners @ obstacle.pose.rotation.T + obstacle.pose.position
             # A floor would dwarf what stands on it.
             if np.ptp(corners, axis=0).max() <= self.size:
                 points = np.vstack([points, corners])
-        found = first_camera(posture, self._arms, self._looks, points, planar=self._planar)
-        light_from(self._scene, *found.axes)
-        return found
+        camera = first_camera(posture, self._arms, self._looks, points, planar=self._planar)
+        light_from(self._scene, *camera.axes)
+        return camera
 
     def _points(self, posture: Posture) -> Array:
         """Points of arms and object, (k, 3)."""
@@ -216,14 +215,16 @@ class CellScene:
         """Points of the object, (k, 3)."""
         place = object_pose(posture)
         shape = self._problem.object.shape
-        corners = np.zeros((1, 3)) if shape is None else body(shape).vertices
+        corners = np.zeros((1, 3))
+        if shape is not None:
+            corners = primitive_triangles(primitive_of(shape)).vertices
         return np.asarray(corners @ place.rotation.T + place.position)
 
     def _see_ghosts(self) -> None:
         if self._ghost is not None and self._ghost_object is not None:
             self._ghost.top.visible = self._before and self._ghosts
-            # Two objects at one place would flicker.
-            here, there = self.object, self._ghost_object
-            turned = abs(float(here.wxyz @ there.wxyz)) < 1 - _ALIKE
-            moved = bool(np.linalg.norm(here.position - there.position) > _ALIKE)
-            there.visible = turned or moved
+            # Two objects at one place, to within 1e-6 m or rad, would flicker.
+            now, ghost = self.object, self._ghost_object
+            turned = abs(float(now.wxyz @ ghost.wxyz)) < 1 - 1e-6
+            moved = bool(np.linalg.norm(now.position - ghost.position) > 1e-6)
+            ghost.visible = turned or moved

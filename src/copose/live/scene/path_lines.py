@@ -9,7 +9,7 @@ import viser
 
 from copose.poses import Pose
 from copose.viewer.names import node
-from copose.viewer.robots import rgb
+from copose.viewer.nodes.colors import rgb
 
 # Colour of the line.
 _COLOUR = "#2F8FD0"

@@ -1,0 +1,1 @@
+"""Distances and collision tests of bodies in many configurations."""

@@ -1,0 +1,110 @@
+"""Solids in the frames of their carriers, the pairs that may not touch, and balls round them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from copose.collision.carriers import Placements, carrier_poses, carriers_of
+from copose.collision.distance.placed_parts import PlacedPart, ball_round
+from copose.collision.shapes.solids import Solid
+from copose.poses import Array, Indices
+from copose.robots import Arm
+
+
+class PairedSolids:
+    """Solids and the pairs of them that are tested, in any configuration.
+
+    Configurations are rows as `configurations` makes them.
+
+    Attributes:
+        solids: as in the scene.
+        pairs: the two solids of each tested pair, (p, 2).
+        arms: that carry them.
+        carriers: in the order of `Placements`.
+        carrier: number of each solid's carrier, (s,).
+        placed_parts: the parts of each solid in its carrier's frame.
+        centres: of a ball round every solid, in its carrier's frame, m, (s, 3).
+        radii: of these balls, m, (s,).
+        pair_arms: the arms that move the two solids of each pair, −1 for none, (p, 2).
+    """
+
+    def __init__(self, solids: Sequence[Solid], pairs: Indices, arms: Sequence[Arm]) -> None:
+        """Find a ball round each solid.
+
+        Args:
+            solids: all.
+            pairs: numbers of those that are tested against each other, (p, 2).
+            arms: that carry them.
+        """
+        self.solids, self.pairs, self.arms = tuple(solids), pairs, tuple(arms)
+        self.carriers = carriers_of(arms)
+        number = {carrier: i for i, carrier in enumerate(self.carriers)}
+        self.carrier = np.array([number[solid.carrier] for solid in solids], dtype=np.intp)
+        self.placed_parts = [
+            [PlacedPart(part.shape, solid.placement @ part.placement, number[solid.carrier])
+             for part in solid.parts]
+            for solid in solids
+        ]  # fmt: skip
+        balls = [ball_round(parts) for parts in self.placed_parts]
+        self.centres = np.reshape([centre for centre, _ in balls], (-1, 3))
+        self.radii = np.array([radius for _, radius in balls])
+        moved = np.array([s.carrier.arm if s.carrier.kind == "joint" else -1 for s in solids], int)
+        self.pair_arms = moved[pairs]
+        # The same configurations are often asked for several times in a row.
+        self._latest: tuple[bytes, Placements] | None = None
+
+    def own(self, i: int) -> Indices:
+        """Tested pairs that only arm i moves against each other, or against what stands still."""
+        alone = (self.pair_arms == i) | (self.pair_arms == -1)
+        return np.flatnonzero(alone.all(axis=1) & (self.pair_arms == i).any(axis=1))
+
+    @cached_property
+    def shared(self) -> Indices:
+        """Tested pairs of solids of two arms."""
+        return np.flatnonzero(
+            (self.pair_arms >= 0).all(axis=1) & (self.pair_arms[:, 0] != self.pair_arms[:, 1])
+        )
+
+    @cached_property
+    def still(self) -> Indices:
+        """Tested pairs that no joint moves."""
+        return np.flatnonzero((self.pair_arms < 0).all(axis=1))
+
+    @cached_property
+    def every(self) -> Indices:
+        """All tested pairs."""
+        return np.arange(len(self.pairs))
+
+    def names(self, pair: int) -> tuple[str, str]:
+        """Names of the two solids of a tested pair."""
+        a, b = self.pairs[pair]
+        return self.solids[a].name, self.solids[b].name
+
+    def parts_of(self, pair: int) -> Iterator[tuple[PlacedPart, PlacedPart]]:
+        """The parts of a pair of solids, each of one with each of the other."""
+        a, b = self.pairs[pair]
+        return ((one, other) for one in self.placed_parts[a] for other in self.placed_parts[b])
+
+    def placed(self, x: Array) -> Placements:
+        """Placements of all carriers in configurations, (count, size)."""
+        key = x.tobytes()
+        if self._latest is None or self._latest[0] != key:
+            self._latest = key, carrier_poses(self.arms, x)
+        return self._latest[1]
+
+    def ball_centres(self, where: Placements) -> Array:
+        """Centres of the balls round all solids in the world, m, (..., s, 3)."""
+        i = self.carrier
+        centres = np.einsum("...sij,sj->...si", where.rotations[..., i, :, :], self.centres)
+        return np.asarray(centres + where.positions[..., i, :])
+
+    def bounds(self, where: Placements, pairs: Indices) -> Array:
+        """Distances of one ball round each solid of some pairs, m, (..., k)."""
+        centres = self.ball_centres(where)
+        a, b = self.pairs[pairs].T
+        gaps = np.linalg.norm(centres[..., a, :] - centres[..., b, :], axis=-1)
+        bounds: Array = gaps - self.radii[a] - self.radii[b]
+        return bounds

@@ -1,0 +1,1 @@
+"""The links of robots as solids, by whatever file the robot is read from."""

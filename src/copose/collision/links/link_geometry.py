@@ -1,0 +1,42 @@
+"""The shapes of a robot's links as its file gives them, and notes about them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+from copose.collision.shapes.solids import Part
+
+LinkPair: TypeAlias = tuple[str, str]
+# By link its choices of shapes, the best first.
+Looks: TypeAlias = dict[str, tuple[tuple[Part, ...], ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """The shapes of a robot's links.
+
+    Attributes:
+        parts: by link, placed in its frame; of some links none.
+        faults: of each link whose shape cannot be read, the reason.
+        notes: what stands in for shapes, and what is left out.
+        missing: of each package that was not found, where it was looked for; among the notes too.
+    """
+
+    parts: Mapping[str, tuple[Part, ...]]
+    faults: dict[str, str]
+    notes: list[str]
+    missing: tuple[str, ...] = ()
+
+
+def only_visual(file: Path) -> str:
+    """A note that a robot's file has no collision geometry."""
+    return f"{file.name} has no collision geometry; its visual geometry is tested"
+
+
+def listed(links: Mapping[str, str], most: int = 5) -> str:
+    """The first links with a remark on each, and the number of the others."""
+    named = ", ".join(f"{name} ({text})" for name, text in [*links.items()][:most])
+    return named + (f" and {len(links) - most} more" if len(links) > most else "")

@@ -1,0 +1,1 @@
+"""Primitives, meshes and the solids that they are parts of."""

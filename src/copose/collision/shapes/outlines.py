@@ -1,0 +1,62 @@
+"""Outlines of links for pictures: points whose convex hull is about that of a shape."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from copose.collision.carriers import Carrier
+from copose.collision.shapes.solids import Solid
+from copose.poses import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """The outline of one convex part of a link.
+
+    Attributes:
+        carrier: what moves the link.
+        points: in the carrier's frame, (k, 3).
+    """
+
+    carrier: Carrier
+    points: Array
+
+
+@dataclass(frozen=True)
+class OutlineOptions:
+    """Fineness of outlines."""
+
+    turns: int = 24  # directions of the plane in which an outline reaches as far as its shape
+    grid: int = 5  # directions of space to an edge of a cube, in which it does
+    digits: int = 5  # of a metre that a picture shows
+
+    def directions(self, *, planar: bool) -> Array:
+        """Unit directions in which outlines reach as far as their shapes, (m, 3)."""
+        if planar:
+            angles = np.linspace(0.0, 2 * np.pi, self.turns, endpoint=False)
+            return np.column_stack([np.cos(angles), np.sin(angles), np.zeros(self.turns)])
+        ends, grid = {0, self.grid - 1}, np.ndindex(self.grid, self.grid, self.grid)
+        cube = np.array([place for place in grid if ends & set(place)]) - (self.grid - 1) / 2
+        return np.asarray(cube / np.linalg.norm(cube, axis=1, keepdims=True))
+
+
+def link_outlines(
+    solids: Sequence[Solid], *, planar: bool, options: OutlineOptions = OutlineOptions()
+) -> list[Outline]:
+    """The outlines of those solids that are links of arms."""
+    links = [solid for solid in solids if solid.carrier.kind in ("root", "joint")]
+    directions = options.directions(planar=planar)
+    return [outline for link in links for outline in _outlines(link, directions, options.digits)]
+
+
+def _outlines(solid: Solid, directions: Array, digits: int) -> Iterator[Outline]:
+    for part in solid.parts:
+        pose = solid.placement @ part.placement
+        corners, beyond = part.shape.hull
+        corners = corners @ pose.rotation.T + pose.position
+        outermost = (corners @ directions.T).argmax(axis=0)
+        points = np.round(corners[outermost] + beyond * directions, digits) + 0.0
+        yield Outline(solid.carrier, np.unique(points, axis=0))

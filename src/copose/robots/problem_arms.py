@@ -1,0 +1,142 @@
+"""The arms of a problem, and the robots that they are parts of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from copose.errors import InputError, arm_key
+from copose.problem import PlanarArm, Problem, RobotArm
+from copose.robots.arm import Arm
+from copose.robots.chain_arm import robot_arm
+from copose.robots.files.tree import Tree
+from copose.robots.planar import planar_arm
+from copose.robots.robot import RobotsRead, read_robot
+from copose.robots.robot_on_base import RobotOnBase
+
+
+@dataclass(frozen=True, eq=False)
+class WholeRobot:
+    """A robot with all arms that are parts of it.
+
+    Attributes:
+        tree: its links and joints.
+        arms: in the order of the problem.
+        locked: joints that any of the arms' tables holds, rad or m.
+    """
+
+    tree: Tree
+    arms: tuple[Arm, ...]
+    locked: Mapping[str, float]
+
+    def positions(self, joints: Mapping[str, Sequence[float]]) -> dict[str, float]:
+        """Positions of all movable joints of the robot, rad or m, by those of its arms."""
+        moved = {
+            name: position
+            for arm in self.arms
+            for name, position in zip(arm.joint_names, joints[arm.name], strict=True)
+        }
+        return dict(self.tree.standing({**self.locked, **moved}).at)
+
+
+def load_arms(problem: Problem) -> tuple[Arm, ...]:
+    """Read every arm of a problem into plain numbers, in file order.
+
+    Raises:
+        InputError: a robot cannot be read, has fewer free joints than the task needs, a margin
+            that eats a joint's range, or two arms that do not move independently.
+    """
+    try:
+        planar = [spec for spec in problem.arms if isinstance(spec, PlanarArm)]
+        if planar:
+            arms = [planar_arm(spec, arm_key(i, spec.name)) for i, spec in enumerate(planar)]
+        else:
+            arms = [part.arm for part in _parts(problem)]
+        for i, arm in enumerate(arms):
+            _check(arm, problem, arm_key(i, arm.name))
+    except InputError as error:
+        raise InputError(error.message, key=error.key, file=problem.source) from None
+    return tuple(arms)
+
+
+def whole_robots(problem: Problem) -> tuple[WholeRobot, ...]:
+    """The robots of a spatial problem, in the order of their first arms.
+
+    Raises:
+        InputError: a robot cannot be read, or two arms do not move independently.
+    """
+    teams: list[list[_Part]] = []
+    try:
+        parts = _parts(problem)
+    except InputError as error:
+        raise InputError(error.message, key=error.key, file=problem.source) from None
+    for part in parts:
+        team = next((team for team in teams if team[0].whole.same(part.whole)), None)
+        if team is None:
+            teams.append([part])
+        else:
+            team.append(part)
+    return tuple(
+        WholeRobot(
+            tree=team[0].tree,
+            arms=tuple(part.arm for part in team),
+            locked={name: at for part in team for name, at in part.spec.locked.items()},
+        )
+        for team in teams
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """An arm with its table, and the robot that it is part of."""
+
+    spec: RobotArm
+    arm: Arm
+    tree: Tree
+    whole: RobotOnBase
+
+
+def _parts(problem: Problem) -> list[_Part]:
+    """The arms of a spatial problem, each robot's file read once."""
+    folder = problem.source.parent if problem.source is not None else Path()
+    read: RobotsRead = {}
+    parts: list[_Part] = []
+    for i, spec in enumerate(spec for spec in problem.arms if isinstance(spec, RobotArm)):
+        key = arm_key(i, spec.name)
+        robot = read_robot(spec, folder, key, read)
+        arm, whole = robot_arm(spec, robot, key, weighed=not problem.kinematic)
+        for part in parts:
+            other = part.arm
+            clash = whole.clash(part.whole)
+            if clash is not None:
+                raise InputError(
+                    f"arms {other.name!r} and {arm.name!r} are one robot and {clash}",
+                    key=f"{key}.locked",
+                )
+            if whole.same(part.whole) and "base" in (*arm.free, *other.free):
+                raise InputError(
+                    f"arms {other.name!r} and {arm.name!r} are one robot, whose base cannot be "
+                    "moved for one of them; let the object move instead",
+                    key=f"{key}.freedom.base",
+                )
+        parts.append(_Part(spec, arm, robot.tree, whole))
+    return parts
+
+
+def _check(arm: Arm, problem: Problem, key: str) -> None:
+    """Refuse an arm with too few joints for the task, or a margin that leaves a joint no range."""
+    space, margin = problem.space, problem.constraints.joint_margin
+    if arm.n < space.m:
+        raise InputError(
+            f"has {arm.n} free joints ({', '.join(arm.joint_names)}); space "
+            f"{space.name!r} needs at least {space.m}",
+            key=key,
+        )
+    for joint in arm.joints:
+        if joint.lower + margin >= joint.upper - margin:
+            raise InputError(
+                f"{margin:g} leaves nothing of the range of joint {joint.name!r} of arm "
+                f"{arm.name!r} ({joint.lower:g} … {joint.upper:g})",
+                key="constraints.joint_margin",
+            )

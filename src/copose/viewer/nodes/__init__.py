@@ -1,0 +1,1 @@
+"""The things of a cell as nodes of a viser scene."""

@@ -1,0 +1,113 @@
+"""Hands and grasps in a scene: their axes, and a line where a hand misses its grasp."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from copose.poses import Array, Pose
+from copose.report import style
+from copose.results import Posture
+from copose.robots import Arm
+from copose.viewer.names import node
+from copose.viewer.nodes.colors import rgb
+from copose.viewer.result_poses import frame_pose
+from copose.viewer.surfaces.triangles import cylinder, turned_to
+
+if TYPE_CHECKING:
+    from viser import FrameHandle, MeshHandle, SceneApi
+
+
+@dataclass(frozen=True)
+class FrameLook:
+    """Sizes of the axes of a frame."""
+
+    length: float = 0.06  # as a share of the scene
+    radius: float = 0.045  # as a share of the length
+    origin: float = 0.07  # radius of the origin, as a share of the length
+
+
+@dataclass(frozen=True)
+class GapLook:
+    """The line from a hand to the grasp that it misses."""
+
+    radius: float = 0.004  # as a share of the scene
+    least: float = 1e-4  # m, distance from which the line is shown
+
+
+class Hands:
+    """The hands of a cell and where they are to hold the object.
+
+    Nodes: ``/arms/NAME/tip/axes``, ``/grasps/NAME``, and ``/gaps/NAME`` between the two.
+
+    Args:
+        scene: where they are drawn.
+        arms: whose hands.
+        rigid: whether a grasp fixes a hand's orientation; else it has no axes to show.
+        look: of the lines.
+    """
+
+    def __init__(
+        self, scene: SceneApi, arms: Sequence[Arm], *, rigid: bool, look: GapLook = GapLook()
+    ) -> None:
+        self._arms, self._look = tuple(arms), look
+        self._size = 1.0
+        self._grasps: dict[str, FrameHandle] = {}
+        self._tips: dict[str, FrameHandle] = {}
+        self._gaps: dict[str, MeshHandle] = {}
+        stick = cylinder(1.0, 1.0)
+        for name in (arm.name for arm in arms):
+            self._grasps[name] = scene.add_frame(node("grasps", name), show_axes=rigid)
+            self._tips[name] = scene.add_frame(node("arms", name, "tip", "axes"))
+            self._gaps[name] = scene.add_mesh_simple(
+                node("gaps", name),
+                stick.vertices,
+                stick.faces,
+                color=rgb(style.OVER),
+                visible=False,
+                cast_shadow=False,
+            )
+
+    @property
+    def frames(self) -> tuple[FrameHandle, ...]:
+        """The axes of all hands and grasps."""
+        return (*self._tips.values(), *self._grasps.values())
+
+    def fit(self, size: float) -> None:
+        """Give axes and lines their thickness in a scene of a size, m."""
+        self._size = size
+        for frame in self.frames:
+            stretch(frame, size)
+
+    def show(self, posture: Posture, place: Pose) -> None:
+        """Move grasps with the object to its pose, and draw lines to them from hands that miss."""
+        for arm in self._arms:
+            moved = (posture.grasp or {}).get(arm.name)
+            grasp = place @ (arm.grasp if moved is None else frame_pose(moved))
+            move(self._grasps[arm.name], grasp)
+            self._join(arm.name, np.array(posture.arms[arm.name].skeleton[-1]), grasp.position)
+
+    def _join(self, name: str, tip: Array, grasp: Array) -> None:
+        """Draw a line from a hand to the grasp that it misses."""
+        gap, along = self._gaps[name], grasp - tip
+        length = float(np.linalg.norm(along))
+        gap.visible = length > self._look.least
+        if gap.visible:
+            move(gap, Pose.from_rotation(turned_to(along), (tip + grasp) / 2))
+            radius = self._look.radius * self._size
+            gap.scale = (radius, radius, length)
+
+
+def move(handle: FrameHandle | MeshHandle, pose: Pose) -> None:
+    """Place a node."""
+    handle.position, handle.wxyz = pose.position, pose.quaternion
+
+
+def stretch(frame: FrameHandle, size: float, look: FrameLook = FrameLook()) -> None:
+    """Give a frame's axes their length in a scene of a size, m."""
+    length = look.length * size
+    frame.axes_length, frame.axes_radius = length, look.radius * length
+    frame.origin_radius = look.origin * length

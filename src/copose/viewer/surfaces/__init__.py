@@ -1,0 +1,1 @@
+"""Surfaces of triangles as a page draws them."""

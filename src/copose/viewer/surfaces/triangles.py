@@ -1,0 +1,141 @@
+"""Triangles of simple solids, boxes and surfaces of revolution, and circles as segments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from copose.poses import Array, Indices, Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Triangles:
+    """A surface of triangles.
+
+    Attributes:
+        vertices: its corners, m, (v, 3).
+        faces: corners of each triangle by number, (f, 3).
+    """
+
+    vertices: Array
+    faces: Indices
+
+    def placed(self, pose: Pose) -> Triangles:
+        """The same surface seen from the frame in which a pose places its own."""
+        return Triangles(self.vertices @ pose.rotation.T + pose.position, self.faces)
+
+    @property
+    def areas(self) -> Array:
+        """Areas of its triangles, m², (f,)."""
+        a, b, c = np.swapaxes(self.vertices[self.faces], 0, 1)
+        return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+
+    def scattered(self, count: int, rng: np.random.Generator) -> Array:
+        """Points drawn evenly from the surface, m, (count, 3)."""
+        areas = self.areas
+        share = areas / areas.sum() if areas.any() else np.full(len(areas), 1 / len(areas))
+        a, b, c = np.swapaxes(
+            self.vertices[self.faces[rng.choice(len(share), count, p=share)]], 0, 1
+        )
+        u, v = rng.random((2, count, 1))
+        beyond = u + v > 1
+        u, v = np.where(beyond, 1 - u, u), np.where(beyond, 1 - v, v)
+        return np.asarray(a + u * (b - a) + v * (c - a))
+
+
+def joined(parts: list[Triangles]) -> Triangles:
+    """Several surfaces as one."""
+    first = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    return Triangles(
+        np.vstack([part.vertices for part in parts]),
+        np.vstack([part.faces + k for part, k in zip(parts, first[:-1], strict=True)]),
+    )
+
+
+def box(size: Array) -> Triangles:
+    """A box by its edge lengths, (3,), centred."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size / 2
+    sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    faces = [[a, b, c] for a, b, c, _ in sides] + [[a, c, d] for a, _, c, d in sides]
+    return Triangles(corners, np.array(faces))
+
+
+def revolved(radii: Array, heights: Array, around: int = 24) -> Triangles:
+    """The surface that a curve sweeps about z, from the lowest point up; its ends lie on z.
+
+    Args:
+        radii: distances of the curve's points from z, (k,), 0 at both ends.
+        heights: their coordinates along z.
+        around: corners of a circle.
+    """
+    angles = np.arange(around) * 2 * np.pi / around
+    ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(around)])
+    inner = [r * ring + [0, 0, z] for r, z in zip(radii[1:-1], heights[1:-1], strict=True)]
+    ends = [[0, 0, heights[0]], [0, 0, heights[-1]]]
+    vertices = np.vstack([ends, *inner])
+    k = np.arange(around)
+    after = (k + 1) % around
+    faces = [np.column_stack([np.zeros_like(k), 2 + after, 2 + k])]
+    for row in range(len(inner) - 1):
+        low, high = 2 + row * around, 2 + (row + 1) * around
+        faces.append(np.column_stack([low + k, low + after, high + after]))
+        faces.append(np.column_stack([low + k, high + after, high + k]))
+    top = 2 + (len(inner) - 1) * around
+    faces.append(np.column_stack([np.ones_like(k), top + k, top + after]))
+    return Triangles(vertices, np.vstack(faces))
+
+
+def cylinder(radius: float, length: float, around: int = 24) -> Triangles:
+    """A cylinder along z, centred, with a number of corners around."""
+    half = length / 2
+    return revolved(np.array([0, radius, radius, 0]), np.array([-half, -half, half, half]), around)
+
+
+def capsule(radius: float, length: float, down: int = 12) -> Triangles:
+    """All within a radius of a segment along z, centred; without a length a sphere.
+
+    Args:
+        radius: m.
+        length: of the segment, m.
+        down: steps of a half circle from pole to pole, an even number.
+    """
+    angles = np.linspace(-np.pi / 2, np.pi / 2, down + 1)
+    heights, radii = radius * np.sin(angles), radius * np.cos(angles)
+    radii[[0, -1]] = 0.0
+    if not length:
+        return revolved(radii, heights)
+    half, middle = length / 2, down // 2 + 1
+    heights = np.concatenate([heights[:middle] - half, heights[middle - 1 :] + half])
+    return revolved(np.concatenate([radii[:middle], radii[middle - 1 :]]), heights)
+
+
+def between(start: Array, end: Array, radius: float) -> Triangles:
+    """A capsule from a point, (3,), to another."""
+    along = end - start
+    length = float(np.linalg.norm(along))
+    middle = (start + end) / 2
+    upright = capsule(radius, length)
+    if not length:
+        return Triangles(upright.vertices + middle, upright.faces)
+    return upright.placed(Pose.make(middle, turned_to(along), np.zeros(4)))
+
+
+def turned_to(direction: Array) -> Array:
+    """A rotation that turns z to a direction, (3,), not zero; (3, 3)."""
+    z = direction / np.linalg.norm(direction)
+    x = np.cross(np.eye(3)[int(np.abs(z).argmin())], z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def ball() -> Triangles:
+    """A sphere of radius 1."""
+    return capsule(1.0, 0.0)
+
+
+def circle(count: int = 72) -> Array:
+    """A circle of radius 1 about z as segments, (count, 2, 3)."""
+    angles = np.linspace(0, 2 * np.pi, count + 1)
+    points = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(count + 1)])
+    return np.stack([points[:-1], points[1:]], axis=1)
