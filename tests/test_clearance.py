@@ -21,7 +21,7 @@ import cells
 import copose
 import path_problems
 import reference
-from copose.cli import main
+from copose.commands.command_line import main
 from object_path import ObjectPath
 from test_collision import Setting, all_distances, gap_2d
 

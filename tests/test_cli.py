@@ -19,7 +19,7 @@ import pytest
 import copose
 import path_problems
 from cells import FILES, flat_arm, planar, tables, toml
-from copose.cli import _parser, main
+from copose.commands.command_line import command_parser, main
 from reference import PROBLEMS
 
 
@@ -432,7 +432,7 @@ def test_every_help_ends_in_an_example_that_is_right(capsys) -> None:
         assert said.endswith("\nexample:")
         words = shlex.split(example.partition(" > ")[0])
         assert words[:2] == ["copose", command]
-        _parser().parse_args(words[1:])
+        command_parser().parse_args(words[1:])
         for word in words[2:]:
             assert not word.startswith("problems/") or (PROBLEMS.parent / word).is_file()
 

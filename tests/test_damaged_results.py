@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 import copose
 from cells import planar, toml
-from copose.cli import main
+from copose.commands.command_line import main
 from copose.results import to_json
 from path_problems import hinged
 from test_fuzz import places

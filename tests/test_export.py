@@ -18,8 +18,8 @@ import yaml
 import copose
 from cells import planar, tables, toml
 from copose import InputError
-from copose.cli import main
-from copose.export_command import TO
+from copose.commands.command_line import main
+from copose.commands.export_file import TO
 from copose.formats import FORMATS, exported_text
 from copose.results import Motion, Solution, read_result, to_json
 from copose.robots.files.file_paths import resolve

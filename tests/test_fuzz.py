@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cells import planar, toml, two_pandas
-from copose.cli import main
+from copose.commands.command_line import main
 
 SCALARS = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),

@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cells import toml
-from copose.cli import main
+from copose.commands.command_line import main
 from test_fuzz import SETTINGS
 
 INERTIAL = (

@@ -11,7 +11,7 @@ import pytest
 import copose
 from cells import closed_postures, planar, tables, toml
 from copose.cell.cell import Cell
-from copose.cli import main
+from copose.commands.command_line import main
 from copose.objectives.payload import Payload
 from copose.posture.model import PostureModel
 from copose.posture.search import global_search as search

@@ -19,7 +19,7 @@ import pytest
 pytest.importorskip("viser")
 
 import copose
-from copose.cli import main
+from copose.commands.command_line import main
 from copose.live import handle
 from copose.live.page import Page
 from copose.live.scene.gizmos import Gizmo
@@ -319,8 +319,9 @@ def test_an_interrupt_ends_the_command_with_one_line() -> None:
 
 def test_nothing_else_loads_what_the_page_is_made_with() -> None:
     script = (
-        "import sys, copose, copose.cli; "
-        f"copose.open_live, copose.solve; assert copose.cli.main(['check', {str(PLANAR)!r}]) == 0; "
+        "import sys, copose, copose.commands.command_line; "
+        "copose.open_live, copose.solve; "
+        f"assert copose.commands.command_line.main(['check', {str(PLANAR)!r}]) == 0; "
         "print([m for m in ('viser', 'tomlkit', 'fast_simplification') if m in sys.modules])"
     )
     found = subprocess.run(

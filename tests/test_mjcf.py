@@ -14,8 +14,8 @@ import pytest
 
 import copose
 from copose import InputError
-from copose.cli import main
 from copose.collision import Scene, configurations
+from copose.commands.command_line import main
 from copose.mechanics import System
 from copose.problem import parse
 from copose.robots import Arm, load_arms

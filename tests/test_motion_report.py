@@ -18,7 +18,7 @@ from PIL import Image
 from rich.console import Console
 
 from cells import planar, toml
-from copose.cli import main
+from copose.commands.command_line import main
 from copose.errors import InputError
 from copose.formats import joint_trajectory_yaml, trajectory_csv
 from copose.report import draw, motion_animation, motion_table, picture

@@ -10,7 +10,7 @@ import pytest
 
 import copose
 from cells import planar, toml, two_pandas
-from copose.cli import main
+from copose.commands.command_line import main
 from copose.errors import InputError
 from copose.problem import overridden, read_override
 from copose.problem import parse as parse_complete

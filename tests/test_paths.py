@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import copose
 from cells import planar, tables, toml, two_pandas
 from copose.cell.cell import Cell
-from copose.cli import main
+from copose.commands.command_line import main
 from copose.motion.curve.between_knots import between_bodies
 from copose.motion.dynamics.least_norm import Tracked, tracked
 from copose.motion.graph.dynamic_programming import Lattice, Moves

@@ -25,7 +25,7 @@ from scipy.spatial import ConvexHull
 import copose
 from cells import closed_postures, tables
 from copose.cell.cell import Cell
-from copose.cli import main
+from copose.commands.command_line import main
 from copose.poses import Pose
 from copose.posture import Planner, evaluate
 from copose.problem import parse

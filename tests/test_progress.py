@@ -20,7 +20,7 @@ import pytest
 import copose
 from cells import planar, toml
 from copose import progress
-from copose.cli import main
+from copose.commands.command_line import main
 from copose.errors import InputError
 from copose.kernels import Kernel
 from copose.motion.search.candidates import CandidateSearch
@@ -309,9 +309,9 @@ class TestCommand:
         import pty
 
         stuck = (
-            "import sys, time, copose.cli as cli, copose.__main__ as command\n"
+            "import sys, time, copose.commands.posture as posture, copose.__main__ as command\n"
             "def _prepare(*_): time.sleep(60)\n"
-            "cli._prepare = _prepare; sys.exit(command.run())"
+            "posture.prepare = _prepare; sys.exit(command.run())"
         )
         leader, follower = pty.openpty()
         with subprocess.Popen(
@@ -344,9 +344,9 @@ def strike():
             signal.raise_signal(signal.SIGINT)
         return whole(*given, **options)
     setattr(owner, method, struck)
-import copose.cli as cli
-prepare = cli._prepare
-cli._prepare = lambda *given: (prepare(*given), strike())[0]
+import copose.commands.posture as posture
+prepare = posture.prepare
+posture.prepare = lambda *given: (prepare(*given), strike())[0]
 sys.exit(command.run())
 """
 

@@ -26,7 +26,7 @@ import pytest
 from matplotlib.image import imread
 
 import copose
-from copose.cli import main
+from copose.commands.command_line import main
 from copose.manual import page, topics
 from copose.motion import described
 from copose.posture import check

@@ -13,7 +13,7 @@ import pytest
 
 import copose
 from cells import FILES, planar, tables, two_pandas
-from copose.cli import main
+from copose.commands.command_line import main
 from copose.errors import InputError
 from copose.manual import page
 from copose.problem import SCHEMA

@@ -14,8 +14,8 @@ import pytest
 
 import copose
 from cells import PANDA, two_pandas
-from copose.cli import main
 from copose.collision.links.link_shapes import LinkShapes
+from copose.commands.command_line import main
 from copose.robots import load_arms
 from copose.robots.files.file_paths import EXAMPLES, resolve
 from copose.robots.files.urdf_tree import read_tree

@@ -11,7 +11,7 @@ import pytest
 
 import copose
 from cells import PANDA, planar, tables, toml
-from copose.cli import main
+from copose.commands.command_line import main
 from copose.report.figures.start import start_figure
 from copose.robots.files.file_paths import resolve
 

@@ -16,7 +16,7 @@ import pytest
 
 import copose
 from cells import planar
-from copose.cli import main
+from copose.commands.command_line import main
 from copose.results import to_json, write_file
 from reference import PROBLEMS
 
@@ -155,9 +155,9 @@ def test_what_nobody_has_foreseen_is_a_line() -> None:
         ("ZeroDivisionError('a\\nb' * 1000)", "internal error: ZeroDivisionError: a ba b"),
     ):
         broken = (
-            "import sys, copose.cli, copose.__main__\n"
+            "import sys, copose.commands.command_line, copose.__main__\n"
             f"def main(**_): raise {error}\n"
-            "copose.cli.main = main\n"
+            "copose.commands.command_line.main = main\n"
             "sys.exit(copose.__main__.run())"
         )
         quiet, loud = (
@@ -215,8 +215,8 @@ def test_an_interrupt_of_the_drawing_tells_where_the_answer_is(here: Path) -> No
 @pytest.mark.parametrize(("trap", "status"), [("trap - INT", 130), ("trap '' INT", 0)])
 def test_a_background_job_that_ignores_interrupts_goes_on(trap: str, status: int) -> None:
     struck = (
-        "import signal, sys, copose.cli, copose.__main__; "
-        "copose.cli.main = lambda **_: signal.raise_signal(signal.SIGINT) or 0; "
+        "import signal, sys, copose.commands.command_line, copose.__main__; "
+        "copose.commands.command_line.main = lambda **_: signal.raise_signal(signal.SIGINT) or 0; "
         "sys.exit(copose.__main__.run())"
     )
     assert shell(f'{trap}; {sys.executable} -c "{struck}"').returncode == status

@@ -16,9 +16,9 @@ from scipy.spatial import KDTree
 import copose
 from cells import planar, tables
 from copose import InputError
-from copose.cli import main
 from copose.collision import Carrier, Primitive
 from copose.collision import link_looks as shapes_of_links
+from copose.commands.command_line import main
 from copose.kernels import cache as folder
 from copose.poses import Pose, rotation_rows
 from copose.problem import Problem

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import copose
-from copose.cli import main
+from copose.commands.command_line import main
 from copose.errors import InputError
 from copose.problem import parse
 from copose.robots import load_arms

@@ -11,8 +11,6 @@ import time
 
 from copose import interrupt
 
-FAILED = 4
-
 
 def run() -> int:
     """Run the command line of this process and return its exit status."""
@@ -29,7 +27,7 @@ def run() -> int:
             import warnings
 
             warnings.simplefilter("ignore")
-        from copose.cli import main
+        from copose.commands.command_line import main
 
         status = main(began=began)
     except Exception as error:
@@ -59,7 +57,7 @@ def _failed(error: Exception) -> int:
     if isinstance(error, MemoryError):
         words = "out of memory"
     interrupt.say(f"{words[:400]} (COPOSE_DEBUG=1 in the environment shows where)")
-    return FAILED
+    return interrupt.ExitStatus.FAILED
 
 
 if __name__ == "__main__":

@@ -6,9 +6,9 @@ from importlib import import_module
 
 
 class Displayed:
-    """Shown as a table and a picture where a cell of a notebook ends in it."""
+    """An object that a notebook shows as a table and a picture."""
 
     def _repr_html_(self) -> str:
-        # Tables and pictures stand above what they are of: they are loaded when one is shown.
+        # Tables and pictures are in rooms above results: they are loaded when one is shown.
         shown: str = import_module("copose.notebook").html(self)
         return shown

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import datetime
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-
-# With what the command puts in front, at most 600 characters.
-_LONGEST = 570
-# What a list of faults may take of them, beside the file and the key.
-_LISTED = 400
 
 
 class CoposeError(Exception):
@@ -37,23 +33,47 @@ class InputError(CoposeError):
         return one_line(": ".join([part for part in where if part] + [self.message]))
 
 
-def one_line(text: str) -> str:
-    """Text with control characters replaced and its middle cut out where it is too long."""
+@contextmanager
+def blamed_on(file: str | Path | None) -> Iterator[None]:
+    """Wrong input that is said to be of a file, unless it names another.
+
+    Args:
+        file: whose contents are looked at within; None for none.
+    """
+    try:
+        yield
+    except InputError as error:
+        if error.file is None and file is not None:
+            raise InputError(error.message, key=error.key, file=file) from None
+        raise
+
+
+def one_line(text: str, longest: int = 570) -> str:
+    """Text with control characters replaced and its middle cut out where it is too long.
+
+    With what the command puts in front, a message has at most 600 characters.
+    """
     clean = "".join(c if c.isprintable() else " " for c in text)
-    if len(clean) > _LONGEST:
-        half = _LONGEST // 2 - 2
+    if len(clean) > longest:
+        half = longest // 2 - 2
         clean = f"{clean[:half]} … {clean[-half:]}"
     return clean
 
 
-def together(parts: Iterable[str], apart: str = "; ", most: int = _LISTED) -> str:
-    """As many different faults, or names, as fit, at least one, and how many more there are."""
-    told = list(dict.fromkeys(parts))
+def together(parts: Iterable[str], apart: str = "; ", most: int = 400) -> str:
+    """As many different faults, or names, as fit, at least one, and how many more there are.
+
+    Args:
+        parts: the faults, or names.
+        apart: what stands between two.
+        most: characters; by default what the file and the key leave of a message.
+    """
+    different = list(dict.fromkeys(parts))
     kept = 1
-    while kept < len(told) and len(apart.join(told[: kept + 1])) <= most:
+    while kept < len(different) and len(apart.join(different[: kept + 1])) <= most:
         kept += 1
-    more = f" (and {len(told) - kept} more)" if kept < len(told) else ""
-    return apart.join(told[:kept]) + more
+    rest = f" (and {len(different) - kept} more)" if kept < len(different) else ""
+    return apart.join(different[:kept]) + rest
 
 
 def arm_key(number: int, name: str) -> str:

@@ -1,4 +1,4 @@
-"""From a problem file to a problem: grasps that a start teaches are written out."""
+"""The reader of problem files; grasps that a start teaches are written out."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from copose.errors import InputError
+from copose.errors import InputError, blamed_on
 from copose.poses import Pose
 from copose.problem import Problem, aimed, check_depth, is_planar, overridden, read_tables
 from copose.problem import parse as parse_complete
@@ -38,10 +38,8 @@ def load(
     """
     file = Path(path)
     data = taught(read_tables(file), file)
-    try:
+    with blamed_on(file):
         data = aimed(overridden(data, set or {}), objective, direction)
-    except InputError as error:
-        raise InputError(error.message, key=error.key, file=file) from None
     return parse_complete(data, file)
 
 
@@ -59,7 +57,7 @@ def parse(data: Mapping[str, Any], source: Path | None = None) -> Problem:
 
 
 def taught(data: Mapping[str, Any], source: Path | None = None) -> Mapping[str, Any]:
-    """The same tables with the grasps that their arms have at ``start`` where they have none.
+    """The tables of a problem with taught grasps: those that arms without one have at ``start``.
 
     Where every arm is taught, an object without a position is midway between the tips.
 
@@ -67,36 +65,36 @@ def taught(data: Mapping[str, Any], source: Path | None = None) -> Mapping[str, 
         InputError: the problem, or a robot of it, cannot be read.
     """
     check_depth(data, source)
-    arms, thing = data.get("arms"), data.get("object")
-    if not isinstance(arms, (list, tuple)) or not isinstance(thing, Mapping):
+    arms, held_object = data.get("arms"), data.get("object")
+    if not isinstance(arms, (list, tuple)) or not isinstance(held_object, Mapping):
         return data
     if not all(isinstance(arm, Mapping) for arm in arms):
         return data
-    pupils = [i for i, arm in enumerate(arms) if "start" in arm and "grasp" not in arm]
-    if not pupils:
+    taught_arms = [i for i, arm in enumerate(arms) if "start" in arm and "grasp" not in arm]
+    if not taught_arms:
         return data
     planar = is_planar(data)
     d = 2 if planar else 3
-    between = "position" not in thing
-    if between and len(pupils) < len(arms):
+    between = "position" not in held_object
+    if between and len(taught_arms) < len(arms):
         text = "missing; only where every arm's grasp is taught is it midway between the tips"
         raise InputError(text, key="object.position", file=source)
-    # What is to be found stands at the origin until it is.
-    here = {"position": [0.0] * d}
-    held = [{**arm, "grasp": here} if i in pupils else arm for i, arm in enumerate(arms)]
-    held_thing = {**thing, **here} if between else thing
-    problem = parse_complete({**data, "arms": held, "object": held_thing}, source)
+    # Grasps and a position that are not known yet stand at the origin.
+    origin = {"position": [0.0] * d}
+    new_arms = [{**arm, "grasp": origin} if i in taught_arms else arm for i, arm in enumerate(arms)]
+    new_object = {**held_object, **origin} if between else held_object
+    problem = parse_complete({**data, "arms": new_arms, "object": new_object}, source)
     tips: dict[int, Pose] = {}
     for i, arm in enumerate(load_arms(problem)):
-        if i in pupils and arm.start is not None:
+        if i in taught_arms and arm.start is not None:
             tips[i] = arm.tip_at(arm.start)
-    place = problem.object.pose
+    object_pose = problem.object.pose
     if between:
         middle = np.mean([tip.position for tip in tips.values()], axis=0)
-        place = Pose.make(middle, place.rotation, place.quaternion)
-        held_thing = {**thing, "position": middle[:d].tolist()}
+        object_pose = Pose.make(middle, object_pose.rotation, object_pose.quaternion)
+        new_object = {**held_object, "position": middle[:d].tolist()}
     for i, tip in tips.items():
-        grasp = place.inverse() @ tip
+        grasp = object_pose.inverse() @ tip
         turn = {"angle": float(grasp.rpy[2])} if planar else {"rpy": grasp.rpy.tolist()}
-        held[i] = {**arms[i], "grasp": {"position": grasp.position[:d].tolist(), **turn}}
-    return {**data, "arms": held, "object": held_thing}
+        new_arms[i] = {**arms[i], "grasp": {"position": grasp.position[:d].tolist(), **turn}}
+    return {**data, "arms": new_arms, "object": new_object}

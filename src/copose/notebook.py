@@ -16,12 +16,9 @@ from copose.problem import Problem
 from copose.report import chains, figure, motion_table, saved, solution_table, starts_figure
 from copose.results import Motion, Solution
 
-_COLUMNS = 100
-_TABLE = '<pre style="line-height: 1.2; white-space: pre; overflow-x: auto">{code}</pre>'
-
 
 def html(shown: Problem | Solution | Motion) -> str:
-    """A table and, where there is something to draw, a picture; all names escaped."""
+    """The HTML of a table and, where there is something to draw, a picture; all names escaped."""
     if isinstance(shown, Problem):
         return _problem(shown)
     if isinstance(shown, Motion):
@@ -34,20 +31,25 @@ def html(shown: Problem | Solution | Motion) -> str:
 
 def _problem(problem: Problem) -> str:
     try:
-        found = check(problem)
-        way = described(problem, found.arms)
+        checked = check(problem)
+        path = described(problem, checked.arms)
     except InputError as error:
         return _table(Group(Text(problem.name), Text(str(error))))
-    picture = saved(starts_figure(problem, found.starts), "png")
-    return _table(chains(problem, found.starts, found.notes, way)) + _picture(picture, problem.name)
+    picture = saved(starts_figure(problem, checked.starts), "png")
+    return _table(chains(problem, checked.starts, checked.notes, path)) + _picture(
+        picture, problem.name
+    )
 
 
 def _table(content: RenderableType) -> str:
     console = Console(
-        file=io.StringIO(), record=True, width=_COLUMNS, highlight=False, force_jupyter=False
+        file=io.StringIO(), record=True, width=100, highlight=False, force_jupyter=False
     )
     console.print(content)
-    return console.export_html(inline_styles=True, code_format=_TABLE)
+    style = "line-height: 1.2; white-space: pre; overflow-x: auto"
+    return console.export_html(
+        inline_styles=True, code_format=f'<pre style="{style}">{{code}}</pre>'
+    )
 
 
 def _picture(content: bytes, name: str) -> str:

@@ -1,7 +1,7 @@
-"""What a long call is doing, for whoever asked to be told, and when it has to end.
+"""Progress, time limit and interruption of a long call.
 
-Both belong to the call, as a context variable does: rooms far below it say what they do and ask
-whether they may go on, and nothing between them has to hand that down.
+They are kept in a context variable: rooms far below the call tell their stage and ask whether they
+may go on, and no function between has to pass that down.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from copose.errors import CoposeError, InputError
 
 @dataclass(frozen=True)
 class Progress:
-    """What a call is doing.
+    """The progress of a call: its stage, how far that is, and the best objective so far.
 
     Attributes:
-        stage: what is done now, in a few words.
-        done: parts of the stage that are behind; None where they are not counted.
-        total: all of them, alike.
+        stage: in a few words.
+        done: parts of the stage that are done; None where they are not counted.
+        total: all parts of the stage; None where they are not counted.
         best: the best objective so far, None where there is none yet.
         elapsed: s since the call, or the command, began.
     """
@@ -38,7 +38,7 @@ class Progress:
 
 
 Tell: TypeAlias = Callable[[Progress], object]
-"""Called with what is being done, from the thread that does it."""
+"""A callback that is given the progress, in the thread of the call."""
 
 
 class StoppedError(CoposeError):
@@ -46,23 +46,23 @@ class StoppedError(CoposeError):
 
 
 class Watch:
-    """One call: what it is doing, and when it has to end."""
+    """The progress and the deadline of one call."""
 
     def __init__(
         self, tell: Tell | None, limit: float | None, began: float, outer: Watch | None
     ) -> None:
-        """Nothing done yet.
+        """A call that begins.
 
         Args:
-            tell: is told.
-            limit: s that it may take, since it began; None for any.
+            tell: a callback that is given the progress.
+            limit: s that the call may take, since it began; None for any.
             began: when, on the clock of `time.perf_counter`.
             outer: the call that it is part of.
         """
         self.told, self.began, self._limit = tell, began, limit
         self._deadline = math.inf if limit is None else began + limit
         self._interrupted = False
-        # How deep within what may take its time, and within what nobody is told of.
+        # Depths of nested `sheltered` and `hushed` blocks.
         self._sheltered, self._hushed = 0, 0
         self._whole = self
         if outer is not None:
@@ -80,16 +80,16 @@ class Watch:
 
     @property
     def interrupted(self) -> bool:
-        """Whether someone wants it to end."""
+        """True once someone has asked for the end of the call."""
         return self._whole._interrupted
 
     @property
     def over(self) -> bool:
-        """Whether it has to end."""
+        """True once the call has to end."""
         return self.interrupted or time.perf_counter() >= self._deadline
 
     def interrupt(self) -> None:
-        """End it at the next stage or unit of work; any thread may say so."""
+        """Ask the call to end at its next stage or unit of work; any thread may."""
         self._whole._interrupted = True
 
     def heed(self) -> None:
@@ -126,14 +126,14 @@ _watch: ContextVar[Watch | None] = ContextVar("watch", default=None)
 def watched(
     tell: Tell | None = None, limit: float | None = None, began: float | None = None
 ) -> Iterator[Watch]:
-    """A call that tells what it does and may take so long.
+    """A call whose progress is told and whose time may be limited.
 
-    Within another that is watched it is a part of that: it tells whom that tells, unless it has
-    someone else to tell, counts from where that began, and ends where that has to.
+    Within another watched call it is a part of that: it uses that call's callback unless it has its
+    own, counts time from that call's beginning, and ends by that call's deadline.
 
     Args:
-        tell: is told.
-        limit: s that it may take.
+        tell: a callback that is given the progress.
+        limit: s that the call may take.
         began: when, on the clock of `time.perf_counter`; default now.
 
     Raises:
@@ -157,7 +157,7 @@ def watched(
 
 
 def stage(name: str, done: int | None = None, total: int | None = None) -> None:
-    """Tell what is done from now on, in a word that ends in -ing, and how far it is.
+    """Tell the stage that begins, in a word that ends in -ing, and how far it is.
 
     Raises:
         StoppedError: the call has to end.
@@ -169,17 +169,17 @@ def stage(name: str, done: int | None = None, total: int | None = None) -> None:
 
 
 def attained(objective: float) -> None:
-    """Tell of an objective that was come to; only the best so far counts."""
+    """Tell an objective that was reached; only the best so far counts."""
     watch = _watch.get()
     if watch is not None:
         watch.attained(objective)
 
 
 def heed() -> None:
-    """Go on, unless the call has to end; asked between units of work.
+    """Go on, unless the call has to end; called between units of work.
 
     Raises:
-        StoppedError: it has to.
+        StoppedError: the call has to end.
     """
     watch = _watch.get()
     if watch is not None:
@@ -187,14 +187,14 @@ def heed() -> None:
 
 
 def over() -> bool:
-    """Whether the call has to end, where nothing may be raised."""
+    """True once the call has to end, for code that may not raise."""
     watch = _watch.get()
     return watch is not None and watch.over
 
 
 @contextmanager
 def sheltered() -> Iterator[None]:
-    """What is done whatever the time: to put an answer together, or within what raises nothing."""
+    """Work that no deadline stops: putting an answer together, or calls that must not raise."""
     watch = _watch.get()
     if watch is None:
         yield
@@ -208,7 +208,7 @@ def sheltered() -> Iterator[None]:
 
 @contextmanager
 def hushed() -> Iterator[None]:
-    """What nobody is told of: a search that serves another, whose objective it may not have."""
+    """Work whose progress is not told: a search inside another, perhaps of another objective."""
     watch = _watch.get()
     if watch is None:
         yield

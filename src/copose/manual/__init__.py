@@ -21,13 +21,14 @@ _ORDER = (
     "search",
     "paper",
     "benchmarks",
+    "code",
     "troubleshooting",
     "faq",
 )
 
 
 def topics() -> dict[str, str]:
-    """The title of every topic, by its name, in the order in which to read them."""
+    """The titles of all topics, by their names, in the order in which to read them."""
     return {
         topic: _text(topic).partition("\n")[0].removeprefix("# ").partition(": ")[2]
         for topic in _ORDER
@@ -35,7 +36,7 @@ def topics() -> dict[str, str]:
 
 
 def page(topic: str) -> str:
-    """A topic's page, Markdown.
+    """The page of a topic, Markdown.
 
     Raises:
         InputError: there is none.

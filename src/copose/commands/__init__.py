@@ -1,0 +1,1 @@
+"""The commands of `copose`, and the command line that runs them."""

@@ -1,0 +1,56 @@
+"""The command `copose check`: what a problem file and its robots say, nothing solved."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from copose.commands.terminal.answer import spared
+from copose.commands.terminal.options import add_style, add_verbosity
+from copose.commands.terminal.output import print_place, print_rich
+from copose.commands.terminal.parser import Command, CommandParser
+from copose.commands.terminal.problem_input import check_place, load_problem
+from copose.commands.terminal.progress_line import watching
+from copose.interrupt import ExitStatus
+from copose.progress import stage
+
+
+class CheckCommand(Command):
+    """`copose check`: what a problem file and its robots say, nothing solved."""
+
+    name = "check"
+    summary = "read the file and the robots, and print the chains"
+    example = "problems/two-panda-box.toml --figure start.png"
+    reads_problem = True
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        """See `Command.add_arguments`."""
+        parser.add_argument(
+            "--figure", type=Path, metavar="FILE",
+            help="draw bodies and frames at the start into a .png, .pdf or .svg",
+        )  # fmt: skip
+        add_style(parser)
+        add_verbosity(parser)
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """See `Command.run`."""
+        with watching(arguments):
+            from copose.motion import described
+            from copose.posture import check
+            from copose.report import chains, check_format, draw_start
+
+            figure = arguments.figure
+            if figure is not None:
+                check_format(figure)
+                check_place(figure)
+            problem = load_problem(arguments)
+            checked = check(problem)
+            path = described(problem, checked.arms)
+            if figure is not None:
+                stage("drawing")
+                with spared(figure):
+                    draw_start(problem, checked.starts, figure, arguments.style)
+        print_rich(chains(problem, checked.starts, checked.notes, path))
+        if figure is not None:
+            print_place(figure)
+        return ExitStatus.SOLVED
