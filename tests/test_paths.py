@@ -17,13 +17,14 @@ from copose.commands.command_line import main
 from copose.motion.curve.between_knots import between_bodies
 from copose.motion.dynamics.least_norm import Tracked, tracked
 from copose.motion.graph.dynamic_programming import Lattice, Moves
-from copose.motion.graph.roadmap import SPACING, Roadmap
+from copose.motion.graph.roadmap import Roadmap, RoadmapOptions
 from copose.motion.path.knots import Course
 from copose.motion.path.object_motion import ObjectMotion
 from copose.posture.model import PostureModel
 from object_path import ObjectPath
 from path_problems import GRAVITY, along, carried, hinged, single_hinged
 
+SPACING = RoadmapOptions().spacing
 STILL = {"timing": None}
 
 

@@ -9,13 +9,15 @@ import copose
 from copose.cell.cell import Cell
 from copose.collision import Primitive
 from copose.constraints.clearance import SPARE
-from copose.motion.curve.between_knots import _INSTANTS, _Way, between_bodies
+from copose.motion.curve.between_knots import ProofOptions, between_bodies
+from copose.motion.curve.cubic_motion import CubicMotion as _Way
 from copose.motion.nlp.clearance_rows import ClearanceRows
 from copose.motion.path.knots import Course, uniform
 from copose.motion.path.object_motion import ObjectMotion
 from copose.posture.model import PostureModel
 from path_problems import carried, hinged
 
+_INSTANTS = 2 ** ProofOptions().halvings
 POST = {"name": "post", "shape": {"kind": "cylinder", "radius": 0.05, "length": 0.4}}
 
 

@@ -1,4 +1,4 @@
-"""From a problem with a path to its best joint motion."""
+"""The planner of joint motions along a problem's path."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from copose.results import Motion
 
 
 class PathPlanner:
-    """Plans motions along the path of one problem; everything is built once.
+    """A planner of motions along the path of one problem; everything is built once.
 
     Threads may share it, and take turns. A pickled one is its problem, from which it is built anew.
 
@@ -60,7 +60,7 @@ class PathPlanner:
         return type(self), (self.problem,)
 
     def compile(self) -> bool:
-        """Wait until the kernels are compiled; whether they are in use then."""
+        """Wait until the kernels are compiled; True if they are in use then."""
         return self._compiled(wait=True)
 
     def _compiled(self, *, wait: bool) -> bool:
@@ -109,7 +109,7 @@ class PathPlanner:
                     return answer.stopped(unfound(stop), None)
 
     def _answered(self, answer: Answer, seed: int | None, ends: Ends | None) -> Motion:
-        """The answer, from what may be known of its ends."""
+        """The result, from the ends given or those of the posture problem."""
         answer.compiled = self._compiled(wait=False)
         target = None
         if self.problem.path is None and ends is None:
@@ -165,7 +165,7 @@ def plan(
 
 
 def _unbuilt(problem: Problem, began: float) -> Answer:
-    """What answers where there was no time to build a planner."""
+    """The result's parts where there was no time to build a planner."""
     path = problem.path if problem.path is not None else _still(problem)
     cell = Cell.of(problem)
     asked(problem, path, cell.arms)

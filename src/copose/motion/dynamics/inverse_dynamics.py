@@ -1,4 +1,4 @@
-"""Torques that carry an object along a course: which contact wrenches go with a motion."""
+"""Inverse dynamics: joint torques and contact wrenches that carry the object along its path."""
 
 from __future__ import annotations
 
@@ -13,17 +13,14 @@ from copose.cell.dynamics import HELD, CellDynamics
 from copose.motion.path.knots import Course
 from copose.poses import Array, Pose
 
-# Relative; beyond it no wrenches of the contacts carry the object.
-_CARRIED = 1e-9
-
 
 @dataclass(frozen=True, eq=False)
 class Carrying:
-    """What a motion asks for at the knots of its course.
+    """An inverse-dynamics problem: what a motion asks for at its knots.
 
     Attributes:
         course: at the knots.
-        load: what contact wrenches come to on the object, (n, b).
+        load: force over moment that contact wrenches exert on the object, (n, b).
         J: Jacobians by arm, world axes, (n, m, n_i).
         alone: torques without wrenches by arm, (n, n_i).
     """
@@ -35,15 +32,21 @@ class Carrying:
 
 
 class Torques:
-    """Finds torques of one cell along its courses.
+    """Inverse dynamics of one cell along the object's path.
 
     Attributes:
         capacity: what torque limits allow, where they matter.
     """
 
-    def __init__(self, cell: Cell, capacity: CellDynamics | None) -> None:
-        """For one cell."""
-        self._cell, self.capacity = cell, capacity
+    def __init__(self, cell: Cell, capacity: CellDynamics | None, tolerance: float = 1e-9) -> None:
+        """Set up one cell.
+
+        Args:
+            cell: whose arms they are.
+            capacity: what torque limits allow, where they matter.
+            tolerance: relative error of a load beyond which no contact wrenches carry the object.
+        """
+        self._cell, self.capacity, self._tolerance = cell, capacity, tolerance
 
     def least(self, asked: Carrying) -> tuple[Array, Array] | None:
         """Torques of least ‖T⁻¹τ‖, T the limits or ones, (n, N), and their wrenches, world axes,
@@ -53,17 +56,17 @@ class Torques:
         T = np.concatenate(limits or [np.ones(arm.n) for arm in self._cell.arms])
         count, K, m = len(asked.course), len(asked.J), self._cell.system.space.m
         wide = np.zeros((count, len(T), K * m))
-        edges = np.cumsum([0, *(mine.shape[2] for mine in asked.J)]).tolist()
-        for i, mine in enumerate(asked.J):
-            wide[:, edges[i] : edges[i + 1], i * m : i * m + m] = mine.swapaxes(1, 2)
+        edges = np.cumsum([0, *(jacobian.shape[2] for jacobian in asked.J)]).tolist()
+        for i, jacobian in enumerate(asked.J):
+            wide[:, edges[i] : edges[i + 1], i * m : i * m + m] = jacobian.swapaxes(1, 2)
         alone = np.hstack(asked.alone)
         wrenches = np.empty((count, K * m))
         for k, load in enumerate(asked.load):
             P = np.hstack(_balance(self._cell, asked.course.stations[k].pose.rotation))
             U, s, V = np.linalg.svd(P)
-            rank = int((s > _CARRIED * s[0]).sum())
+            rank = int((s > self._tolerance * s[0]).sum())
             carried = V[:rank].T @ ((U[:, :rank].T @ load) / s[:rank])
-            if np.abs(P @ carried - load).max() > _CARRIED * (1 + np.abs(load).max()):
+            if np.abs(P @ carried - load).max() > self._tolerance * (1 + np.abs(load).max()):
                 return None
             inner = V[rank:].T
             pushed = (wide[k] @ inner) / T[:, None]
@@ -72,15 +75,16 @@ class Torques:
         return alone + (wide @ wrenches[:, :, None])[:, :, 0], wrenches
 
     def uncarried(self, course: Course, *, moving: bool) -> int | None:
-        """The first knot at which no contact wrenches, however large, carry the object at rest, or
-        as it moves too; None where there is none.
+        """The first knot at which no contact wrenches, however large, carry the object at rest or,
+        if ``moving``, as it moves; None where there is none.
         """
-        E, balance = exertable(self._cell), self._cell.system.space.balance
+        E, balance = exertable(self._cell, self._tolerance), self._cell.system.space.balance
         loads = [self.loads(course, np.inf), *([self.inertial(course)] if moving else [])]
         for k, station in enumerate(course.stations):
             for load in loads:
                 own = turn(station.pose, balance).T @ load[k]
-                if np.abs(own - E.T @ (E @ own)).max() > _CARRIED * (1 + np.abs(own).max()):
+                left = np.abs(own - E.T @ (E @ own)).max()
+                if left > self._tolerance * (1 + np.abs(own).max()):
                     return k
         return None
 
@@ -98,11 +102,11 @@ class Torques:
         return torques, np.abs(kept)
 
     def _kept(self, asked: Carrying) -> Array:
-        """Torques over their limits, (n, N), whose largest is smallest."""
+        """Torques over their limits, (n, N), whose largest is smallest; ∞ where there are none."""
         capacity, space = self.capacity, self._cell.system.space
         assert capacity is not None
         T = np.concatenate(capacity.limits)
-        found = np.full((len(asked.course), len(T)), np.inf)
+        ratios = np.full((len(asked.course), len(T)), np.inf)
         turns = [turn(arm.base, space.rows) for arm in self._cell.arms]
         alike: dict[bytes, list[int]] = {}
         for k, station in enumerate(asked.course.stations):
@@ -112,7 +116,7 @@ class Torques:
             balance = _balance(self._cell, asked.course.stations[rows[0]].pose.rotation)
             dynamics = Dynamics(
                 M=tuple(np.zeros((len(rows), len(T), len(T))) for T in capacity.limits),
-                J=tuple(R.T @ mine[rows] for R, mine in zip(turns, asked.J, strict=True)),
+                J=tuple(R.T @ jacobian[rows] for R, jacobian in zip(turns, asked.J, strict=True)),
                 g=tuple(torque[rows] for torque in asked.alone),
                 motion=tuple(np.zeros((space.m, space.m)) for _ in asked.J),
                 balance=tuple(P @ R for P, R in zip(balance, turns, strict=True)),
@@ -122,11 +126,11 @@ class Torques:
             demand = Demand.each([Demand.holding(space.m, asked.load[k]) for k in rows])
             torques = dynamics.resting_torques(demand) / T
             sound = np.isfinite(torques).all(axis=1)
-            found[np.array(rows)[sound]] = torques[sound]
-        return found
+            ratios[np.array(rows)[sound]] = torques[sound]
+        return ratios
 
     def inertial(self, course: Course) -> Array:
-        """What moves the object, by φ twice, in the rows of `Space.balance`, (n, b)."""
+        """Inertial force and moment, by φ twice, in the rows of `Space.balance`, (n, b)."""
         thing, inertia = self._cell.problem.object, None
         if thing.inertia is not None:
             planar = self._cell.problem.space.planar
@@ -134,7 +138,7 @@ class Torques:
         return course.inertial_loads(inertia)
 
     def loads(self, course: Course, duration: float) -> Array:
-        """What contact wrenches come to on the object, in the rows of `Space.balance`, (n, b)."""
+        """Force and moment of contacts on the object, in the rows of `Space.balance`, (n, b)."""
         thing, cell = self._cell.problem.object, self._cell
         loads = self.inertial(course) / duration**2
         rows = 2 if cell.problem.space.planar else 3
@@ -142,37 +146,36 @@ class Torques:
         return np.asarray(loads)
 
 
-def exertable(cell: Cell) -> Array:
-    """Combinations of the rows of a balance of wrenches that contacts can do anything about, in
-    axes of the object, all independent of each other, (rank, b): a single hinge exerts no moment
-    about itself.
+def exertable(cell: Cell, tolerance: float = 1e-9) -> Array:
+    """Independent combinations of force and moment that the contacts can exert on the object, in
+    its axes, (rank, b): a single hinge exerts no moment about itself.
     """
     P = np.hstack(_balance(cell, np.eye(3)))
     U, s, _ = np.linalg.svd(P)
-    rank = int((s > _CARRIED * s[0]).sum())
+    rank = int((s > tolerance * s[0]).sum())
     return np.eye(len(P)) if rank == len(P) else U[:, :rank].T
 
 
 def _balance(cell: Cell, rotation: Array) -> list[Array]:
-    """Wrenches at the contacts, world axes, on an object turned so, (b, m) each."""
-    space, found = cell.system.space, []
+    """Maps of contact wrenches, world axes, to the balance of an object turned so, (b, m) each."""
+    space, maps = cell.system.space, []
     for arm in cell.arms:
         x, y, z = rotation @ arm.grasp.position
         whole = np.eye(6)
         whole[3:, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
-        found.append(whole[np.ix_(space.balance, space.rows)])
-    return found
+        maps.append(whole[np.ix_(space.balance, space.rows)])
+    return maps
 
 
 def turn(frame: Pose, rows: Sequence[int]) -> Array:
-    """From the axes of a frame to those of the world, some rows of wrenches, (rows, rows)."""
+    """The map of some rows of wrenches from the axes of a frame to the world's, (rows, rows)."""
     whole = np.zeros((6, 6))
     whole[:3, :3] = whole[3:, 3:] = frame.rotation
     return whole[np.ix_(rows, rows)]
 
 
 def _blended(least: Array, kept: Array) -> Array:
-    """From torques of least norm, over limits, towards some that keep them, as far as needed."""
+    """Torques over limits of least norm, moved towards ones within them as far as is needed."""
     with np.errstate(divide="ignore", invalid="ignore"):
         part = (np.abs(least) - 1.0) / (np.abs(least) - np.sign(least) * kept)
     over = np.abs(least) > 1.0

@@ -1,4 +1,4 @@
-"""Which torque or acceleration limit a motion uses most of."""
+"""The torque or acceleration limit that a motion uses most of."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ What: TypeAlias = Literal["hold", "torque", "acceleration"]
 
 @dataclass(frozen=True)
 class LimitUse:
-    """The largest share of a limit.
+    """The largest share of a limit that a motion uses.
 
     Attributes:
         what: holding the object at rest, torques as it moves, or joint accelerations.
@@ -38,8 +38,8 @@ class LimitUse:
 def largest_strain(
     model: PostureModel, drive: JointRates, course: Course, q: Array, duration: float
 ) -> LimitUse:
-    """Of a motion, (n, N), of those limits that it has to keep; torques are those whose largest
-    share is smallest.
+    """The largest share of the limits that a motion, (n, N), has to keep; of torques of those whose
+    largest share is smallest.
     """
     cell = model.cell
     parts = model.split(q)
@@ -57,7 +57,7 @@ def largest_strain(
         shares["hold"][held] = [
             holding_shares(model, drive.capacity, course, k, q[k]) for k in held.tolist()
         ]
-    what = max(shares, key=lambda name: float(shares[name].max()))
+    what: What = max(shares, key=lambda name: float(shares[name].max()))
     table = shares[what]
     # Several joints give way at once; rounding must not choose between them.
     knot, column = np.argwhere(table >= table.max() * (1 - 1e-6))[0].tolist()
@@ -67,8 +67,8 @@ def largest_strain(
 def holding_shares(
     model: PostureModel, capacity: CellDynamics, course: Course, k: int, q: Array
 ) -> Array:
-    """Shares of torque limits, (N,), with which a posture, (N,), holds the object at rest at knot
-    k, the largest at its least; ∞ where nothing does.
+    """Shares of torque limits, (N,), that a posture, (N,), uses to hold the object at rest at knot
+    k, the largest at its least; ∞ where nothing holds it.
     """
     holding = capacity.holding(course.settings[k].cell)
     dynamics = capacity.dynamics(holding, model.split(q[None]))

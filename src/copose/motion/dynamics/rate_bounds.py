@@ -1,4 +1,4 @@
-"""Whether a grasp moves faster than any posture of its arm can follow: a bound, not a search."""
+"""Upper bounds on the speed and acceleration of a tip in any posture: a proof, not a search."""
 
 from __future__ import annotations
 
@@ -11,9 +11,6 @@ from copose.cell.cell import Cell
 from copose.motion.path.knots import Course
 from copose.poses import Array
 from copose.robots.reach_bounds import levers
-
-# What stands in for no limit, in any unit.
-_ENDLESS = 1e9
 
 
 @dataclass(frozen=True)
@@ -37,7 +34,9 @@ class Outrun:
     unit: str
 
 
-def outrun(cell: Cell, course: Course, duration: float, step: float) -> Outrun | None:
+def outrun(
+    cell: Cell, course: Course, duration: float, step: float, unlimited: float = 1e9
+) -> Outrun | None:
     """The grasp that outruns its arm most; None where none is known to.
 
     From rest to rest joints have what their accelerations give them in the time that there is; each
@@ -49,15 +48,16 @@ def outrun(cell: Cell, course: Course, duration: float, step: float) -> Outrun |
         course: the object's.
         duration: s.
         step: between knots, s, within which differences do not see what rates do.
+        unlimited: what stands in for no limit, in any unit.
     """
     linear = len(cell.system.space.linear)
     time = np.minimum(course.phases, 1 - course.phases) * duration + step
     known: list[Outrun] = []
     for i, arm in enumerate(cell.arms):
-        lever = np.minimum(levers(arm), _ENDLESS)
+        lever = np.minimum(levers(arm), unlimited)
         turning = np.array([joint.kind == "revolute" for joint in arm.joints], dtype=float)
-        speeds = np.minimum([joint.velocity for joint in arm.joints], _ENDLESS)
-        bends = np.minimum([joint.acceleration for joint in arm.joints], _ENDLESS)
+        speeds = np.minimum([joint.velocity for joint in arm.joints], unlimited)
+        bends = np.minimum([joint.acceleration for joint in arm.joints], unlimited)
         rates = np.minimum(speeds, time[:, None] * bends)
         velocities = course.velocities[i] / duration
         accelerations = course.accelerations[i] / duration**2
@@ -72,13 +72,13 @@ def outrun(cell: Cell, course: Course, duration: float, step: float) -> Outrun |
                 "acceleration", i, accelerations[:, linear:], bends @ turning + turn, "rad/s²"
             ),
         ]
-    return max(known, key=lambda each: each.asked / each.most, default=None)
+    return max(known, key=lambda grasp: grasp.asked / grasp.most, default=None)
 
 
 def _beyond(
     what: Literal["speed", "acceleration"], arm: int, rates: Array, most: Array, unit: str
 ) -> list[Outrun]:
-    """Where rates, (n, 2 or 3), are beyond what they can be at most, (n,), by most."""
+    """The knot where rates, (n, 2 or 3), exceed their bounds, (n,), most, if they do."""
     asked = np.linalg.norm(rates, axis=1)
     k = int((asked / np.maximum(most, np.finfo(float).tiny)).argmax())
     if not asked[k] > most[k] * (1 + 1e-9):

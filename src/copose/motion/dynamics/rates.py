@@ -1,4 +1,4 @@
-"""What drives a motion: joint speeds, accelerations and torques at its knots."""
+"""Joint speeds, accelerations and torques of a motion at its knots."""
 
 from __future__ import annotations
 
@@ -10,17 +10,23 @@ import numpy as np
 
 from copose.cell.dynamics import CellDynamics
 from copose.kernels import Kernel
-from copose.motion.curve.hermite import closing_slopes, goals, hermite, within_speeds
+from copose.motion.curve.differences import bends, slopes, spline_slopes
+from copose.motion.curve.hermite import hermite
+from copose.motion.dynamics.closing_slopes import closing_slopes, within_speeds
 from copose.motion.dynamics.inverse_dynamics import Carrying, Torques, turn
-from copose.motion.path.knots import Course, bends, slopes, spline_slopes
+from copose.motion.path.knots import Course, tip_goals
 from copose.motion.path.object_motion import ObjectMotion
 from copose.poses import Array
 from copose.posture.model import PostureModel
 
-# The part of the tolerance from which on slopes are bent to close.
-_PART = 0.3
-# Steps back within speed limits, and how far inside they aim.
-_CLIPS, _INSIDE = 60, 1 - 1e-4
+
+@dataclass(frozen=True)
+class DriveOptions:
+    """Options of the rates of a motion."""
+
+    opening: float = 0.3  # part of the tolerance beyond which slopes are bent to close the chain
+    clips: int = 60  # steps back within speed limits, along more than one self-motion
+    inside: float = 1e-4  # how far inside the limits these aim, relative
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,21 +47,29 @@ class Driven:
 
 
 class JointRates:
-    """Evaluates the equations of motion of one cell along its courses; built once.
+    """Rates and torques of one cell along the object's path by its equations of motion; built once.
 
     Attributes:
         capacity: what torque limits allow, where they matter.
         torques: finds torques.
     """
 
-    def __init__(self, model: PostureModel, journey: ObjectMotion, tolerance: float) -> None:
-        """Write down what is evaluated.
+    def __init__(
+        self,
+        model: PostureModel,
+        journey: ObjectMotion,
+        tolerance: float,
+        options: DriveOptions = DriveOptions(),
+    ) -> None:
+        """Write the equations of motion of every arm.
 
         Args:
             model: of the cell.
             journey: the object's.
             tolerance: what the chain may open between knots, m or rad.
+            options: of the rates.
         """
+        self._options = options
         self._cell = cell = model.cell
         self._model, self._journey, self._tolerance = model, journey, tolerance
         self.capacity = model.capacity
@@ -106,25 +120,25 @@ class JointRates:
         """
         step = duration / (len(course) - 1)
         velocities, accelerations, jacobians, biases = [], [], [], []
-        for i, (kernel, mine) in enumerate(zip(self._kernels, q, strict=True)):
-            J, _, _, _ = self._parts(kernel, mine, np.zeros_like(mine))
+        for i, (kernel, joints) in enumerate(zip(self._kernels, q, strict=True)):
+            J, _, _, _ = self._parts(kernel, joints, np.zeros_like(joints))
             contact = course.velocities[i] / duration
-            rate = self._rates(i, J, mine, step, contact)
-            J, bend, M, bias = self._parts(kernel, mine, rate)
+            rate = self._rates(i, J, joints, step, contact)
+            J, bend, M, bias = self._parts(kernel, joints, rate)
             contact = course.accelerations[i] / duration**2 - bend
             velocities.append(rate)
-            accelerations.append(_nearest(J, bends(mine, step), contact))
+            accelerations.append(_nearest(J, bends(joints, step), contact))
             jacobians.append(J)
             biases.append((M @ accelerations[-1][:, :, None])[:, :, 0] + bias)
         asked = Carrying(course, self.torques.loads(course, duration), jacobians, biases)
-        found = None if self._cell.weightless else self.torques.least(asked)
-        if found is None:
+        least = None if self._cell.weightless else self.torques.least(asked)
+        if least is None:
             return Driven(tuple(velocities), tuple(accelerations), None, None)
-        torques, _ = found
+        torques, _ = least
         shares = None
         if self._cell.dynamic_torque:
             torques, shares = self.torques.limited(asked, torques)
-        edges = np.cumsum([mine.shape[1] for mine in q])[:-1]
+        edges = np.cumsum([joints.shape[1] for joints in q])[:-1]
         torque = tuple(np.split(torques, edges, axis=1))
         return Driven(tuple(velocities), tuple(accelerations), torque, shares)
 
@@ -138,40 +152,53 @@ class JointRates:
             rates = closing_slopes(self._model, self._journey, i, q, rates, spare, step)
         over = np.flatnonzero((np.abs(rates) > speeds).any(axis=1))
         if len(over):
-            rates[over] = _within(J[over], rates[over], speeds)
+            rates[over] = self._within(J[over], rates[over], speeds)
         rates[[0, -1]] = 0.0
         return rates
 
     def _opens(self, i: int, q: Array, rates: Array, step: float) -> bool:
-        """Whether the chain comes near its tolerance between knots."""
+        """True where the chain opens by more than part of its tolerance between knots."""
         phases = (np.arange(len(q) - 1) + 0.5) / (len(q) - 1)
-        there = goals(self._cell, self._journey, i, phases)
-        residual, _ = self._model.arms[i].residual(hermite(q, rates, step, 0.5), there)
-        return bool(np.linalg.norm(residual, axis=1).max(initial=0.0) > _PART * self._tolerance)
+        goals = tip_goals(self._cell, self._journey, i, phases)
+        residual, _ = self._model.arms[i].residual(hermite(q, rates, step, 0.5), goals)
+        most = self._options.opening * self._tolerance
+        return bool(np.linalg.norm(residual, axis=1).max(initial=0.0) > most)
+
+    def _within(self, J: Array, rates: Array, speeds: Array) -> Array:
+        """Rates, (count, n), moved along the self-motion to within limits where they can be."""
+        m = J.shape[1]
+        spare = np.linalg.qr(J.swapaxes(1, 2), mode="complete")[0][:, :, m:]
+        most = (1 - self._options.inside) * speeds
+        if spare.shape[2] == 1:
+            return within_speeds(rates, spare[:, :, 0], speeds)
+        moved = rates.copy()
+        for _ in range(self._options.clips if spare.shape[2] else 0):
+            if np.all(np.abs(moved) <= speeds):
+                break
+            # Twice as far as to the bounds, so as to arrive inside them.
+            back = spare.swapaxes(1, 2) @ (moved - np.clip(moved, -most, most))[:, :, None]
+            moved = moved - 2.0 * (spare @ back)[:, :, 0]
+        return moved
 
     def wrenches(self, course: Course, q: Sequence[Array], duration: float) -> Array:
-        """Of the contacts at the knots of a motion, tip on object, root axes, (n, Km): a start."""
+        """Contact wrenches at the knots of a motion, tip on object, root axes, (n, Km), about."""
         space = self._cell.system.space
         jacobians, biases = [], []
-        for kernel, mine in zip(self._kernels, q, strict=True):
+        for kernel, joints in zip(self._kernels, q, strict=True):
             step = duration / (len(course) - 1)
-            J, _, M, bias = self._parts(kernel, mine, slopes(mine, step))
+            J, _, M, bias = self._parts(kernel, joints, slopes(joints, step))
             jacobians.append(J)
-            biases.append((M @ bends(mine, step)[:, :, None])[:, :, 0] + bias)
+            biases.append((M @ bends(joints, step)[:, :, None])[:, :, 0] + bias)
         asked = Carrying(course, self.torques.loads(course, duration), jacobians, biases)
-        found = self.torques.least(asked)
-        if found is None:
+        least = self.torques.least(asked)
+        if least is None:
             return np.full((len(course), len(q) * space.m), np.nan)
-        parts = np.split(found[1], len(q), axis=1)
+        parts = np.split(least[1], len(q), axis=1)
         turns = [turn(arm.base, space.rows) for arm in self._cell.arms]
         return np.hstack([part @ R for part, R in zip(parts, turns, strict=True)])
 
-    def inertial(self, course: Course) -> Array:
-        """See `Torques.inertial`."""
-        return self.torques.inertial(course)
-
     def _parts(self, kernel: Kernel, q: Array, rates: Array) -> tuple[Array, Array, Array, Array]:
-        """J, (count, m, n), J̇ q̇, (count, m), M, (count, n, n), and C q̇ + g, (count, n)."""
+        """Terms J, (count, m, n), J̇ q̇, (count, m), M, (count, n, n), and C q̇ + g, (count, n)."""
         m, n = self._cell.system.space.m, q.shape[1]
         values = kernel(np.hstack([q, rates]), np.zeros(0))
         J, bend, M, bias = np.split(values, np.cumsum([m * n, m, n * n]), axis=1)
@@ -182,20 +209,3 @@ def _nearest(J: Array, rates: Array, contact: Array) -> Array:
     """The rates nearest to some, (count, n), with J·rates a contact's, (count, m)."""
     missing = contact[:, :, None] - J @ rates[:, :, None]
     return np.asarray(rates + (np.linalg.pinv(J, rcond=1e-12) @ missing)[:, :, 0])
-
-
-def _within(J: Array, rates: Array, speeds: Array) -> Array:
-    """Rates, (count, n), moved along the self-motion to within limits where they can be."""
-    m = J.shape[1]
-    spare = np.linalg.qr(J.swapaxes(1, 2), mode="complete")[0][:, :, m:]
-    most = _INSIDE * speeds
-    if spare.shape[2] == 1:
-        return within_speeds(rates, spare[:, :, 0], speeds)
-    found = rates.copy()
-    for _ in range(_CLIPS if spare.shape[2] else 0):
-        if np.all(np.abs(found) <= speeds):
-            break
-        # Twice as far as to the bounds, so as to arrive inside them.
-        back = spare.swapaxes(1, 2) @ (found - np.clip(found, -most, most))[:, :, None]
-        found = found - 2.0 * (spare @ back)[:, :, 0]
-    return found

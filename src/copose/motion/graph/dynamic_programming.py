@@ -15,16 +15,13 @@ import numpy as np
 from copose.poses import Array, Indices, Mask
 from copose.progress import heed
 
-# Levels of the least value that are tried.
-_LEVELS = 12
-
 Far = Callable[[Indices, Indices, int, int], Mask]
-"""Which combinations of the middle layer, by rows and columns, are far from one of them."""
+"""The combinations of the middle layer, by rows and columns, that are far from one of them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A route: its combinations, (layers, 2), and its worth."""
+    """A route through a lattice: its combinations, (layers, 2), and its worth."""
 
     nodes: Indices
     worth: float
@@ -42,8 +39,8 @@ class Moves:
 
     @cached_property
     def arrivals(self) -> tuple[Indices, Array]:
-        """From which postures each can be come to, and at what cost, (few, count) each: a posture
-        has few moves to it, and only these are compared.
+        """Predecessors of each posture, and the costs of moves from them, (few, count) each: a
+        posture has few moves to it, and only these are compared.
         """
         columns, rows = np.nonzero(np.isfinite(self.costs.T))
         place = np.arange(len(rows)) - np.searchsorted(columns, columns)
@@ -54,18 +51,18 @@ class Moves:
 
     @cached_property
     def allowed(self) -> Array:
-        """Ones where there is a move, zeros elsewhere, of numbers that multiply quickly."""
+        """Ones where there is a move, zeros elsewhere, as numbers that multiply quickly."""
         return np.isfinite(self.costs).astype(np.float32)
 
     @cached_property
     def back(self) -> Moves:
-        """The same from the next layer to this."""
+        """Moves from the next layer back to this one."""
         return Moves(self.costs.T)
 
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Combinations of two arms' postures and moves between them; one arm is beside a still one.
+    """Combinations of two arms' postures and moves between them; one arm goes with one that stays.
 
     Attributes:
         values: by layer, −∞ where a combination is not allowed, (count, count').
@@ -95,53 +92,53 @@ class Lattice:
         total[usable] -= self.values[middle][usable]
         order = np.argsort(np.where(usable, -total, np.inf).ravel(), kind="stable")
         order = order[: int(usable.sum())]
-        found: list[Found] = []
-        while len(order) and len(found) < most:
+        routes: list[Found] = []
+        while len(order) and len(routes) < most:
             i, j = divmod(int(order[0]), total.shape[1])
             nodes = [*ahead.back(middle, i, j)[::-1], *behind.back(back, i, j)[1:]]
-            found.append(Found(np.array(nodes, dtype=np.intp), float(total[i, j])))
+            routes.append(Found(np.array(nodes, dtype=np.intp), float(total[i, j])))
             rows, columns = np.unravel_index(order, total.shape)
             order = order[far(rows, columns, i, j)]
-        return found
+        return routes
 
     def evenest(self, most: int, far: Far | None = None) -> list[Found]:
         """The routes whose least value is the largest that it can be."""
         highest = float(self.widest.max(initial=-np.inf))
         return self._above(highest, most, far) if np.isfinite(highest) else []
 
-    def levelled(self, most: int, far: Far | None = None) -> list[Found]:
-        """Routes of which the least value, not the sum, counts: of several levels that it may be
-        at, the routes with the cheapest moves.
+    def levelled(self, most: int, far: Far | None = None, levels: int = 12) -> list[Found]:
+        """Routes of which the least value, not the sum, counts: at each of several levels that it
+        may be at, the routes with the cheapest moves.
         """
-        found = self.evenest(most, far)
-        if not found:
+        routes = self.evenest(most, far)
+        if not routes:
             return []
         highest = float(self.widest.max())
         # Moves cost nothing at best: what is below the worth of a route cannot be worth more.
-        lowest = max(each.worth for each in found)
-        for share in np.linspace(0.0, 1.0, _LEVELS)[1:-1] ** 2:
+        lowest = max(route.worth for route in routes)
+        for share in np.linspace(0.0, 1.0, levels)[1:-1] ** 2:
             level = highest - share * (highest - lowest)
-            if level < max(each.worth for each in found):
+            if level < max(route.worth for route in routes):
                 break
-            found += self._above(level, most, far)
-        return sorted(found, key=lambda each: -each.worth)
+            routes += self._above(level, most, far)
+        return sorted(routes, key=lambda route: -route.worth)
 
     def _above(self, level: float, most: int, far: Far | None) -> list[Found]:
         """The routes with the cheapest moves of those whose least value reaches a level."""
-        found = []
+        routes = []
         allowed = [np.where(value >= level, 0.0, -np.inf) for value in self.values]
-        for each in Lattice(allowed, self.one, self.other).best(most, far):
-            pairs = [tuple(pair) for pair in each.nodes]
+        for route in Lattice(allowed, self.one, self.other).best(most, far):
+            pairs = [tuple(pair) for pair in route.nodes]
             least = min(float(v[pair]) for v, pair in zip(self.values, pairs, strict=True))
-            found.append(Found(each.nodes, each.worth + least))
-        return found
+            routes.append(Found(route.nodes, route.worth + least))
+        return routes
 
-    def worst_of(self, found: Found, weighed: Sequence[Array]) -> float:
-        """The least value on a route, less the cost of its moves; its worth is a sum of others."""
-        pairs = [tuple(pair) for pair in found.nodes]
+    def worst_of(self, route: Found, weighed: Sequence[Array]) -> float:
+        """The least value on a route, whose worth is of weighed values, less its cost of moves."""
+        pairs = [tuple(pair) for pair in route.nodes]
         total = sum(float(value[pair]) for value, pair in zip(weighed, pairs, strict=True))
         least = min(float(value[pair]) for value, pair in zip(self.values, pairs, strict=True))
-        return least - (total - found.worth)
+        return least - (total - route.worth)
 
     def least_of_largest(self) -> float:
         """The least that the largest cost of a move on a route can be; ∞ where there is none."""
@@ -153,7 +150,7 @@ class Lattice:
 
     @property
     def ending(self) -> Array:
-        """What the best routes to each combination of the last layer come to."""
+        """The worth of the best route to each combination of the last layer."""
         return _Table(self).worth[-1]
 
     @property
@@ -171,25 +168,25 @@ class Lattice:
         return bool(came.any())
 
     def returning(self, *ends: Indices) -> list[Indices]:
-        """Numbers of an arm's first postures in the last layer, (count,), −1 of those to which it
-        cannot come back through postures that go with some of the other's.
+        """Numbers that the first layer's postures have in the last layer, by arm, (count,); −1 of
+        those to which the arm cannot return through postures that go with some of the other's.
 
         Args:
-            ends: the same by arm, −1 where one is not in the last layer.
+            ends: the numbers by arm, −1 where one is not in the last layer.
         """
-        found = []
-        for axis, (mine, moves) in enumerate(zip(ends, (self.one, self.other), strict=False)):
+        returning = []
+        for axis, (own, moves) in enumerate(zip(ends, (self.one, self.other), strict=False)):
             usable = [np.isfinite(value).any(axis=1 - axis) for value in self.values]
             came: Array = np.diag(usable[0]).astype(np.float32)
             for move, mask in zip(moves, usable[1:], strict=True):
                 came = _count(came @ move.allowed)
                 came[:, ~mask] = 0.0
-            back = came[np.arange(len(mine)), mine] > 0
-            found.append(np.where(back, mine, -1))
-        return found
+            back = came[np.arange(len(own)), own] > 0
+            returning.append(np.where(back, own, -1))
+        return returning
 
     def reach(self) -> int:
-        """Layers that routes come through: all of them where there is a route."""
+        """The number of layers that routes come through: all of them where there is a route."""
         for k, widest in enumerate(self._widest()):
             if not np.isfinite(widest).any():
                 return k
@@ -197,12 +194,12 @@ class Lattice:
 
     @property
     def reversed(self) -> Lattice:
-        """The same from the last layer to the first."""
+        """The lattice from the last layer to the first."""
         one, other = ([moves.back for moves in arm[::-1]] for arm in (self.one, self.other))
         return Lattice(self.values[::-1], one, other)
 
     def only(self, k: int, axis: int, number: int) -> Lattice:
-        """With all but one posture of an arm ruled out in a layer."""
+        """The lattice with all but one posture of an arm ruled out in a layer."""
         values = list(self.values)
         chosen = (slice(None),) * axis + (number,)
         kept = np.full_like(values[k], -np.inf)
@@ -212,11 +209,11 @@ class Lattice:
 
     def _widest(self) -> list[Array]:
         """By layer, the largest least value of routes to each combination."""
-        found = [self.values[0]]
+        widest = [self.values[0]]
         for value, one, other in zip(self.values[1:], self.one, self.other, strict=True):
-            G = _widest_before(found[-1], one)
-            found.append(np.minimum(_widest_before(G.T, other).T, value))
-        return found
+            G = _widest_before(widest[-1], one)
+            widest.append(np.minimum(_widest_before(G.T, other).T, value))
+        return widest
 
 
 def _count(ways: Array) -> Array:
@@ -225,7 +222,7 @@ def _count(ways: Array) -> Array:
 
 
 class _Table:
-    """The best that routes up to a layer come to, and where they come from.
+    """The worth of the best routes up to each layer, and where they come from.
 
     Attributes:
         worth: by layer, (count, count').
@@ -247,16 +244,16 @@ class _Table:
 
     def back(self, k: int, i: int, j: int) -> list[tuple[int, int]]:
         """Postures of the best route that ends in a combination of layer k, last first."""
-        found = [(i, j)]
+        nodes = [(i, j)]
         for first, second in zip(self._first[:k][::-1], self._second[:k][::-1], strict=True):
             j_before = int(second[i, j])
             i, j = int(first[i, j_before]), j_before
-            found.append((i, j))
-        return found
+            nodes.append((i, j))
+        return nodes
 
 
 def _best_before(worth: Array, moves: Moves) -> tuple[Array, Indices]:
-    """The most that each posture can be come to with, and from which before.
+    """The largest worth with which each posture can be reached, and from which one before.
 
     Args:
         worth: of combinations with the other arm's, (count before, count').
@@ -267,34 +264,32 @@ def _best_before(worth: Array, moves: Moves) -> tuple[Array, Indices]:
     """
     heed()
     before, costs = moves.arrivals
-    found = worth[before[0]] - costs[0][:, None]
+    best = worth[before[0]] - costs[0][:, None]
     came = np.repeat(before[0][:, None], worth.shape[1], axis=1)
     # Not all at once, for processors keep little at hand.
     for rows, cost in zip(before[1:], costs[1:], strict=True):
-        some = np.flatnonzero(np.isfinite(cost))
-        steps = worth[rows[some]] - cost[some, None]
-        known = found[some]
+        moved = np.flatnonzero(np.isfinite(cost))
+        steps = worth[rows[moved]] - cost[moved, None]
+        known = best[moved]
         better = steps > known
-        found[some] = np.where(better, steps, known)
-        came[some] = np.where(better, rows[some, None], came[some])
-    return found, came
+        best[moved] = np.where(better, steps, known)
+        came[moved] = np.where(better, rows[moved, None], came[moved])
+    return best, came
 
 
 def _least_before(largest: Array, moves: Moves) -> Array:
-    """The least that the largest cost can be with which each posture can be come to, (count,
-    count').
-    """
+    """The least that the largest cost of moves to each posture can be, (count, count')."""
     heed()
-    found = np.full((moves.costs.shape[1], largest.shape[1]), np.inf)
+    least = np.full((moves.costs.shape[1], largest.shape[1]), np.inf)
     for rows, cost in zip(*moves.arrivals, strict=True):
-        some = np.flatnonzero(np.isfinite(cost))
-        steps = np.maximum(largest[rows[some]], cost[some, None])
-        found[some] = np.minimum(found[some], steps)
-    return found
+        moved = np.flatnonzero(np.isfinite(cost))
+        steps = np.maximum(largest[rows[moved]], cost[moved, None])
+        least[moved] = np.minimum(least[moved], steps)
+    return least
 
 
 def _widest_before(widest: Array, moves: Moves) -> Array:
-    """The largest least value with which each posture can be come to, (count, count')."""
+    """The largest least value with which each posture can be reached, (count, count')."""
     heed()
     before, costs = moves.arrivals
     steps = np.where(np.isfinite(costs)[:, :, None], widest[before], -np.inf)

@@ -1,8 +1,8 @@
 """An arm's self-motions along a course: postures layer by layer, and the moves between them.
 
 With the object on its way an arm's self-motion changes from layer to layer. Its postures are
-followed along, what opens up is filled from beside, and a posture has moves to the next layer's
-postures beside the one that it is carried to and to no others: a branch is never jumped.
+followed along, what opens up is filled from neighbours, and a posture has moves only to those of
+the next layer that are near the one it is carried to: a branch is never jumped.
 """
 
 from __future__ import annotations
@@ -19,18 +19,22 @@ from copose.posture.search.global_search import EFFORTS
 from copose.self_motion.projection import CLOSED, project
 from copose.self_motion.sampling import ArmSampler
 
-# Between postures along a self-motion, rad (or m); closer ones are one posture.
-SPACING, _ALIKE = 0.2, 0.02
-# How far from where it is carried to a posture may move, in spacings, how far off the tangent, and
-# how far it is carried from one layer to the next, rad or m.
-_BESIDE, _ASLANT, _CARRIED = 1.7, 0.5, 1.0
-# Postures of a layer, with one degree of freedom to spare and with more, of how many they are first
-# chosen, and by how much spacings grow where there would be more.
-_MOST, _MOST_SURFACE, _DRAWN, _COARSER = 120, 200, 480, 1.25
-# By how much squares of distances may be rounded.
-_ROUNDED = 1e-9
-# How many times more of them there may be around a posture to start from.
-_FROM_START = 2
+
+@dataclass(frozen=True)
+class RoadmapOptions:
+    """Options of a roadmap; distances are of joints, rad or m."""
+
+    spacing: float = 0.2  # between postures along a self-motion
+    alike: float = 0.02  # distance below which two postures are one
+    beside: float = 1.7  # spacings that a posture may move from where it is carried to,
+    aslant: float = 0.5  # and what part of that off the tangent of the self-motion
+    carried: float = 1.0  # most that a posture is carried from one layer to the next
+    most: int = 120  # postures of a layer, with one degree of freedom to spare,
+    most_surface: int = 200  # and with more
+    drawn: int = 480  # postures from which those of the first layer are chosen
+    coarser: float = 1.25  # factor by which spacings grow where there would be more
+    rounded: float = 1e-9  # error of squared distances
+    from_start: int = 2  # times more postures that there may be around one to start from
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,34 +54,34 @@ class Layer:
     moves: Array
 
     @cached_property
-    def _some(self) -> tuple[Indices, Indices]:
-        """Which moves there are: numbers of the postures before, and of those after."""
+    def _moved(self) -> tuple[Indices, Indices]:
+        """Numbers of the postures before and after every move."""
         rows, columns = np.nonzero(np.isfinite(self.moves[:, :, 0]))
         return rows, columns
 
     @cached_property
     def length(self) -> Array:
         """‖Δq‖² of the moves, infinite where there is none, (count before, count)."""
-        return self._filled((self.moves[self._some] ** 2).sum(axis=1))
+        return self._filled((self.moves[self._moved] ** 2).sum(axis=1))
 
     def pace(self, velocity: Array) -> Array:
-        """The time that each move takes at least, s, infinite where there is none."""
-        return self._filled((np.abs(self.moves[self._some]) / velocity).max(axis=1))
+        """The least time of every move, s, infinite where there is none, (count before, count)."""
+        return self._filled((np.abs(self.moves[self._moved]) / velocity).max(axis=1))
 
     def _filled(self, values: Array) -> Array:
-        found = np.full(self.moves.shape[:2], np.inf)
-        found[self._some] = values
-        return found
+        filled = np.full(self.moves.shape[:2], np.inf)
+        filled[self._moved] = values
+        return filled
 
 
 class Roadmap:
-    """The layers of one arm, first to last.
+    """The roadmap of one arm: its layers, first to last.
 
     Attributes:
         layers: one for each instant of the course, as far as there are postures.
         spacing: between postures along a self-motion, rad or m.
         spare: degrees of freedom that it has to spare.
-        simple: whether that is no more than one.
+        simple: whether these are no more than one.
         held: of the first and the last layer, the number of the posture that it has to be; None
             where any serves.
     """
@@ -93,8 +97,9 @@ class Roadmap:
         *,
         returns: bool,
         finer: int = 1,
+        options: RoadmapOptions = RoadmapOptions(),
     ) -> None:
-        """Follow arm i along a course.
+        """Follow arm i along the object's path.
 
         Args:
             model: what is built.
@@ -105,7 +110,9 @@ class Roadmap:
             goal: the posture that it ends in, alike.
             returns: whether it ends in the posture that it began with.
             finer: how many times nearer to each other postures of a curve are than they need be.
+            options: of the roadmap.
         """
+        self._options = options
         self._cell, self._kernels, self._i = model.cell, model.arms[i], i
         self._course, arm = course, model.cell.arms[i]
         self._lower, self._upper = model.cell.lower[i], model.cell.upper[i]
@@ -114,13 +121,13 @@ class Roadmap:
         )
         self.spare = spare = 0 if arm.fixed else self._kernels.n - self._kernels.m
         self.simple = spare <= 1
-        self._most = _MOST if self.simple else _MOST_SURFACE
+        self._most = options.most if self.simple else options.most_surface
         finer = finer if self.simple else 1
-        self.spacing, self._most = SPACING / finer, finer * self._most
+        self.spacing, self._most = options.spacing / finer, finer * self._most
         self.held: list[int | None] = [None, None]
         if start is not None and self.simple:
-            # What is on no curve with it can never be come to.
-            first, self.held[0] = self._grown(start[None], _FROM_START * self._most), 0
+            # What is on no curve with it can never be reached.
+            first, self.held[0] = self._grown(start[None], options.from_start * self._most), 0
         else:
             first = self._sampled(seed)
             if start is not None:
@@ -160,27 +167,28 @@ class Roadmap:
         goal = self._course.goals[self._i][0]
         sampler = ArmSampler(self._cell, self._kernels, self._i, goal)
         rng = np.random.default_rng([seed, self._i])
-        found = sampler.sample(rng, effort.batch, effort.batches, _DRAWN, effort.insistence)
-        q = self._thinned(found.closed[:0], found.closed, 0.5 * self.spacing)
+        options = self._options
+        sample = sampler.sample(rng, effort.batch, effort.batches, options.drawn, effort.insistence)
+        q = self._thinned(sample.closed[:0], sample.closed, 0.5 * self.spacing)
         while len(q) > self._most:
             # Long self-motions are sampled more coarsely, not in part.
-            self.spacing *= _COARSER
+            self.spacing *= options.coarser
             q = self._thinned(q[:0], q, 0.5 * self.spacing)
         # The sample may be coarser than what bodies leave.
-        return q if self.spacing >= SPACING else self._grown(q, self._most)
+        return q if self.spacing >= options.spacing else self._grown(q, self._most)
 
     def _grown(self, q: Array, most: int) -> Array:
-        """The first layer's postures that some spread to along their self-motions."""
+        """Postures of the first layer that given ones spread to along their self-motions."""
         while len(q) and len(q) < most:
-            more = self._beside(q, 0)
-            if not len(more):
+            added = self._beside(q, 0)
+            if not len(added):
                 break
-            q = np.vstack([q, more])
+            q = np.vstack([q, added])
         return q[:most]
 
     def _with(self, q: Array, posture: Array) -> tuple[Array, int]:
         """Postures with one that has to be among them, and its number."""
-        apart = np.abs(self.apart(q, posture)).max(axis=1, initial=0.0) > _ALIKE
+        apart = np.abs(self.apart(q, posture)).max(axis=1, initial=0.0) > self._options.alike
         return np.vstack([posture[None], q[apart]]), 0
 
     def _number(self, q: Array, posture: Array) -> int | None:
@@ -188,7 +196,7 @@ class Roadmap:
         return int(apart.argmin()) if len(q) and apart.min() < 1e-6 else None
 
     def _project(self, q: Array, k: int) -> tuple[Array, Mask]:
-        """Postures closed at layer k within limits, and which of them are."""
+        """Postures projected onto the closed chain of layer k, and a mask of those that close."""
         goal = self._course.goals[self._i][k]
         ends, gaps = project(
             self._kernels, q, goal, self._lower, self._upper, steps=12, closed=0.1 * CLOSED
@@ -196,22 +204,22 @@ class Roadmap:
         return ends, gaps <= CLOSED
 
     def _next(self, k: int, must: Array) -> Layer:
-        before = self.layers[-1].q
+        before, options = self.layers[-1].q, self._options
         carried, closed = self._project(before, k)
-        closed &= np.abs(carried - before).max(axis=1) <= _CARRIED
-        q = self._thinned(must, carried[closed], _ALIKE)
+        closed &= np.abs(carried - before).max(axis=1) <= options.carried
+        q = self._thinned(must, carried[closed], options.alike)
         room = self._most + len(must)
         distance = 0.5 * self.spacing
         while len(q) > room:
             q = self._thinned(must, carried[closed], distance)
-            distance *= _COARSER
+            distance *= options.coarser
         if len(q) and len(q) < room:
             q = np.vstack([q, self._beside(q, k)])[:room]
         carried[~closed] = np.nan
         return Layer(q, carried, self._moves(before, carried, q, k))
 
     def _beside(self, q: Array, k: int) -> Array:
-        """Closed postures a spacing beside those of which nothing is there."""
+        """Closed postures a spacing from others, along self-motions, where there are none yet."""
         tangents = self._tangents(q, k)
         steps = self.spacing * np.concatenate([tangents, -tangents], axis=1)
         drawn = (q[:, None] + steps).reshape(-1, q.shape[1])
@@ -230,10 +238,8 @@ class Roadmap:
         return Q[:, :, self._kernels.m :].swapaxes(1, 2)
 
     def _clear_of(self, known: Array, q: Array, distance: float) -> Mask:
-        """Which postures have none of the known ones within a distance."""
-        places, there = (self._cell.embedded(self._i, x) for x in (q, known))
-        square = (places**2).sum(axis=1)[:, None] + (there**2).sum(axis=1) - 2 * places @ there.T
-        near = square <= distance**2
+        """A mask of postures that have none of the known ones within a distance."""
+        near = self._squares(q, known) <= distance**2
         # What is a whole turn away is near only for a joint without limits.
         if near.any() and not self.unlimited.all():
             rows, columns = np.nonzero(near)
@@ -257,34 +263,39 @@ class Roadmap:
         return np.vstack([known, q[chosen]])
 
     def _near(self, q: Array, others: Array, distance: float) -> tuple[Indices, Indices]:
-        """Which postures are within a distance of which others, by numbers; rows ascend."""
-        # Chords are no longer than arcs, and products of matrices are quick but for rounding.
-        places, there = (self._cell.embedded(self._i, x) for x in (q, others))
-        square = (places**2).sum(axis=1)[:, None] + (there**2).sum(axis=1) - 2 * places @ there.T
-        rows, columns = np.nonzero(square <= distance**2 + _ROUNDED)
+        """Pairs of postures and others within a distance, by number; rows ascend."""
+        rows, columns = np.nonzero(self._squares(q, others) <= distance**2 + self._options.rounded)
         near = np.linalg.norm(self.apart(q[rows], others[columns]), axis=1) <= distance
         return rows[near], columns[near]
 
+    def _squares(self, q: Array, others: Array) -> Array:
+        """Squared chords between postures, no longer than arcs, (count, count'); rounded, for they
+        are products of matrices.
+        """
+        one, other = (self._cell.embedded(self._i, x) for x in (q, others))
+        squares = (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2 * one @ other.T
+        return np.asarray(squares)
+
     def _moves(self, before: Array, carried: Array, q: Array, k: int) -> Array:
-        moves = np.full((len(before), *q.shape), np.nan)
+        options, moves = self._options, np.full((len(before), *q.shape), np.nan)
         closed = np.flatnonzero(np.isfinite(carried[:, 0]))
         if len(q) == 0 or len(closed) == 0:
             return moves
         # Tangents where something is near.
-        rows, columns = self._near(carried[closed], q, _BESIDE * self.spacing)
+        rows, columns = self._near(carried[closed], q, options.beside * self.spacing)
         tangents = self._tangents(carried[closed], k)[rows]
         rows = closed[rows]
         offset = self.apart(q[columns], carried[rows])
         along = np.linalg.norm((tangents @ offset[:, :, None])[:, :, 0], axis=1)
         length = np.linalg.norm(offset, axis=1)
         aside = np.sqrt(np.maximum(length**2 - along**2, 0.0))
-        fine = (aside <= _ASLANT * length) | (length <= 5 * _ALIKE)
+        fine = (aside <= options.aslant * length) | (length <= 5 * options.alike)
         rows, columns = rows[fine], columns[fine]
         moves[rows, columns] = self.apart(q[columns], before[rows])
         return moves
 
     def reached(self) -> list[Mask]:
-        """Which postures of each layer can be reached from the first layer's."""
+        """Masks of the postures of each layer that can be reached from the first layer's."""
         reached = [np.ones(len(self.layers[0].q), dtype=bool)]
         if self.held[0] is not None:
             reached[0] = np.arange(len(reached[0])) == self.held[0]
@@ -295,7 +306,7 @@ class Roadmap:
 
     @property
     def through(self) -> bool:
-        """Whether there is a way through all layers, to the posture that it has to end in."""
+        """True where there is a way through all layers, to the posture that it has to end in."""
         reached, last = self.reached(), self.held[1]
         if len(reached) < len(self._course) or not reached[-1].any():
             return False
@@ -325,5 +336,5 @@ class Roadmap:
 
     def ends(self) -> Indices:
         """Numbers of the first layer's postures in the last layer, −1 where one is not in it."""
-        found = [self._number(self.layers[-1].q, q) for q in self.layers[0].q]
-        return np.array([-1 if number is None else number for number in found], dtype=np.intp)
+        numbers = [self._number(self.layers[-1].q, q) for q in self.layers[0].q]
+        return np.array([-1 if number is None else number for number in numbers], dtype=np.intp)

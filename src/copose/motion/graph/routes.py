@@ -1,4 +1,4 @@
-"""The best routes through the arms' roadmaps, by dynamic programming on the cost itself."""
+"""Routes through the arms' roadmaps: the best by dynamic programming on the cost itself."""
 
 from __future__ import annotations
 
@@ -18,30 +18,31 @@ from copose.poses import Array, Indices, Mask
 
 Aggregate: TypeAlias = Literal["mean", "worst"]
 
-# What moves cost that are faster than joints may be, by the excess squared: their routes come after
-# all others, and the program, which has finer knots, may mend them.
-_TOO_FAST = 1e4
-_BESIDE = 1.3
-# The power of times of moves whose sum stands in for the largest.
-_PEAKED = 8
-# Random routes that exchange improves where there are more than two arms, and sweeps.
-_DRAWN, _SWEEPS, _GAIN = 8, 8, 1e-9
-# Of these, how many are improved by two arms at a time.
-_POLISHED = 2
-# Combinations that a closed motion may begin with which are followed.
-_BEGINNINGS = 8
-# The same, looked at where the arms let few of them return together.
-_LOOKED_AT = 256
-# How far apart they are, rad or m, at first and at last.
-_BEGIN_APART = (0.5, 0.0)
+
+@dataclass(frozen=True)
+class RouteOptions:
+    """Options of the search for routes."""
+
+    # Cost of moves that are faster than joints may be, by the excess squared: their routes come
+    # after all others, and the program, which has finer knots, may mend them.
+    too_fast: float = 1e4
+    beside: float = 1.3  # spacings that the time between layers always allows
+    peaked: int = 8  # power of times of moves whose sum stands in for the largest
+    drawn: int = 8  # random routes that exchange improves, of more than two arms
+    sweeps: int = 8  # of exchange over all arms, at most
+    gain: float = 1e-9  # least improvement
+    polished: int = 2  # best of these routes, which are improved by two arms at a time
+    beginnings: int = 8  # combinations that a closed motion may begin with which are followed
+    looked_at: int = 256  # the same, looked at where the arms let few of them return together
+    begin_apart: tuple[float, ...] = (0.5, 0.0)  # of these, rad or m, at first and at last
 
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A posture of every layer for each arm.
+    """A route: a posture of every layer for each arm.
 
     Attributes:
-        nodes: their numbers, (layers, K).
+        nodes: numbers of the postures, (layers, K).
         worth: aggregate − smoothness · S, less a fine for moves that are too fast.
     """
 
@@ -51,43 +52,47 @@ class Route:
 
 @dataclass(frozen=True, eq=False)
 class RouteCost:
-    """What counts of a route.
+    """The cost of a route.
 
     Attributes:
         aggregate: of the objective over the layers.
         smoothness: s²/rad², of the mean of squared speeds.
         interval: between layers, s.
         speeds: limits by arm, (n,).
+        options: of the search.
     """
 
     aggregate: Aggregate
     smoothness: float
     interval: float
     speeds: tuple[Array, ...]
+    options: RouteOptions = RouteOptions()
 
     @property
     def joints(self) -> int:
-        """Of all arms."""
+        """The number of joints of all arms."""
         return sum(map(len, self.speeds))
 
     def costs(self, roadmap: Roadmap, i: int) -> list[Array]:
-        """Of the moves of arm i, by layer after the first, infinite where there is none."""
-        moves = roadmap.layers[1:]
-        found = []
+        """Costs of the moves of arm i, by layer after the first, infinite where there is none."""
+        moves, options = roadmap.layers[1:], self.options
+        costs = []
         for layer in moves:
             # One spacing is the least that a move beside can be: less time does not rule it out.
-            span = max(self.interval, _BESIDE * roadmap.spacing / float(self.speeds[i].min()))
+            span = max(
+                self.interval, options.beside * roadmap.spacing / float(self.speeds[i].min())
+            )
             over = np.maximum(layer.pace(self.speeds[i]) / span - 1.0, 0.0)
             fine = layer.length < np.inf
             cost = np.full(layer.length.shape, np.inf)
             speed = layer.length[fine] / (self.joints * self.interval**2)
-            cost[fine] = (self.smoothness * speed + _TOO_FAST * over[fine] ** 2) / len(moves)
-            found.append(cost)
-        return found
+            cost[fine] = (self.smoothness * speed + options.too_fast * over[fine] ** 2) / len(moves)
+            costs.append(cost)
+        return costs
 
 
 class RouteFinder:
-    """Finds routes through the roadmaps of all arms.
+    """The search for routes through the roadmaps of all arms.
 
     Attributes:
         values: of combinations of postures.
@@ -105,7 +110,7 @@ class RouteFinder:
     ) -> None:
         """Evaluate the moves, and all combinations of one or two arms."""
         self.values, self._roadmaps, self._worth = values, tuple(roadmaps), worth
-        self._returns, self._seed = returns, seed
+        self._returns, self._seed, self._options = returns, seed, worth.options
         self._count = len(roadmaps[0].layers)
         self._every = tuple(range(len(roadmaps)))
         self._moves = [
@@ -132,21 +137,21 @@ class RouteFinder:
     def routes(self, most: int, distance: float) -> list[Route]:
         """Routes that differ in some layer by more than a distance, rad or m; best first."""
         if self.lattice is None:
-            found = self._exchanged()
+            routes = self._exchanged()
         elif self._returns:
-            found = self._closed(self._every, self.lattice)
+            routes = self._closed(self._every, self.lattice)
         else:
-            found = self._far_apart(self.lattice, most, distance, self._aggregated)
+            routes = self._far_apart(self.lattice, most, distance, self._aggregated)
         chosen: list[Route] = []
-        for route in sorted(found, key=lambda each: -each.worth):
+        for route in sorted(routes, key=lambda route: -route.worth):
             if len(chosen) < most and all(self._apart(route, c) > distance for c in chosen):
                 chosen.append(route)
         return chosen
 
     @property
     def single(self) -> bool:
-        """Whether no arm has a degree of freedom to spare: routes are branches, all of them known,
-        of one or two arms.
+        """True of one or two arms without a degree of freedom to spare: routes are branches, all of
+        them known.
         """
         return self.lattice is not None and not any(r.spare for r in self._roadmaps)
 
@@ -164,18 +169,18 @@ class RouteFinder:
             for nodes in itertools.product(*branches)
         ]
         usable = [route for route in routes if np.isfinite(route.worth)]
-        return sorted(usable, key=lambda each: -each.worth)
+        return sorted(usable, key=lambda route: -route.worth)
 
     def _worth_of(self, nodes: Indices) -> float:
         """Aggregate − smoothness · S of a route, (layers, K)."""
         alone = (0,)
         values = np.array(
-            [self.values.beside(k, alone, here)[here[0], 0] for k, here in enumerate(nodes)]
+            [self.values.beside(k, alone, chosen)[chosen[0], 0] for k, chosen in enumerate(nodes)]
         )
         moves = [
-            each.costs[a, b]
+            layer.costs[a, b]
             for j, arm in enumerate(self._moves)
-            for each, a, b in zip(arm, nodes[:-1, j], nodes[1:, j], strict=True)
+            for layer, a, b in zip(arm, nodes[:-1, j], nodes[1:, j], strict=True)
         ]
         mean = self._worth.aggregate == "mean"
         return float((values.mean() if mean else values.min()) - np.sum(moves))
@@ -189,8 +194,9 @@ class RouteFinder:
         least = self.least_interval()
         if not 0 < least < np.inf:
             return []
+        power = self._options.peaked
         paces = [
-            [Moves((layer.pace(speed) / least) ** _PEAKED) for layer in roadmap.layers[1:]]
+            [Moves((layer.pace(speed) / least) ** power) for layer in roadmap.layers[1:]]
             for roadmap, speed in zip(self._roadmaps, self._worth.speeds, strict=True)
         ]
         allowed = [np.where(np.isfinite(v), 0.0, -np.inf) for v in self.lattice.values]
@@ -254,22 +260,22 @@ class RouteFinder:
 
         def far(rows: Indices, columns: Indices, i: int, j: int) -> Mask:
             parts = zip(self._roadmaps, q, (rows, columns), (i, j), strict=False)
-            apart = [r.apart(mine[some], mine[one]) for r, mine, some, one in parts]
+            apart = [r.apart(own[many], own[one]) for r, own, many, one in parts]
             return np.asarray(np.abs(np.hstack(apart)).max(axis=1) > distance)
 
-        found = best(lattice, most, far if most > 1 else None)
-        return [Route(each.nodes[:, : len(q)], each.worth) for each in found]
+        paths = best(lattice, most, far if most > 1 else None)
+        return [Route(path.nodes[:, : len(q)], path.worth) for path in paths]
 
     def _aggregated(self, lattice: Lattice, most: int, far: Far | None = None) -> list[Found]:
         weighed = [values / self._count for values in lattice.values]
         mean = Lattice(weighed, lattice.one, lattice.other).best(most, far)
         if self._worth.aggregate == "mean":
             return mean
-        found = lattice.levelled(most, far)
+        paths = lattice.levelled(most, far)
         if far is not None:
             # What is good on average may be made good everywhere, and differs more.
-            found += [Found(each.nodes, lattice.worst_of(each, weighed)) for each in mean]
-        return found
+            paths += [Found(path.nodes, lattice.worst_of(path, weighed)) for path in mean]
+        return paths
 
     def _closed(self, arms: tuple[int, ...], lattice: Lattice) -> list[Route]:
         """Routes of one or two arms that end with the combination that they begin with, of the
@@ -286,11 +292,12 @@ class RouteFinder:
         order = np.argsort(np.where(np.isfinite(promise), -promise, np.inf).ravel(), kind="stable")
         order = order[: int(np.isfinite(promise).sum())]
         tried: list[tuple[int, int]] = []
-        found: list[Route] = []
-        for apart in _BEGIN_APART:
+        routes: list[Route] = []
+        options = self._options
+        for apart in options.begin_apart:
             for number in order:
                 i, j = (int(x) for x in np.unravel_index(number, promise.shape))
-                if len(found) == _BEGINNINGS or len(tried) == _LOOKED_AT:
+                if len(routes) == options.beginnings or len(tried) == options.looked_at:
                     break
                 if any(self._beside(arms, (i, j), known, apart) for known in tried):
                     continue
@@ -298,10 +305,10 @@ class RouteFinder:
                 held = lattice.only(0, 0, i).only(0, 1, j)
                 held = held.only(-1, 0, int(ends[0][i])).only(-1, 1, int(ends[1][j]))
                 best = self._aggregated(held, 1) if held.open else []
-                found += [Route(each.nodes[:, : len(arms)], each.worth) for each in best]
-            if found:
+                routes += [Route(path.nodes[:, : len(arms)], path.worth) for path in best]
+            if routes:
                 break
-        return found
+        return routes
 
     def _following(self, backward: Lattice) -> Array:
         if self._worth.aggregate == "worst":
@@ -314,77 +321,77 @@ class RouteFinder:
     ) -> bool:
         if one == other:
             return True
-        mine = [self._roadmaps[i] for i in arms]
+        roadmaps = [self._roadmaps[i] for i in arms]
         return all(
             np.abs(r.apart(r.layers[0].q[a], r.layers[0].q[b])).max() < apart
-            for r, a, b in zip(mine, one, other, strict=False)
+            for r, a, b in zip(roadmaps, one, other, strict=False)
         )
 
     def _exchanged(self) -> list[Route]:
-        """Random routes, improved arm by arm beside the others' until none gets better, and the
+        """Random routes, improved arm by arm with the others fixed until none gets better, and the
         best of them two arms at a time.
         """
-        found = []
+        routes = []
         rng = np.random.default_rng([self._seed, len(self._roadmaps), 7])
         single = [(i,) for i in self._every]
-        for number in range(_DRAWN):
+        for number in range(self._options.drawn):
             columns = []
             for i, roadmap in enumerate(self._roadmaps):
                 drawn = [rng.uniform(size=(len(layer.q), 1)) for layer in roadmap.layers]
-                mine = self._some((i,), drawn)
-                if mine is None:
+                own = self._best_of((i,), drawn)
+                if own is None:
                     return []
-                columns.append(mine.nodes[:, 0])
+                columns.append(own.nodes[:, 0])
             route = Route(np.column_stack(columns), -np.inf)
             if number % 2 and self._worth.aggregate == "worst":
                 # What is good on average is a different place to start from.
                 route = Route(self._of_means._swept(route, single).nodes, -np.inf)
             route = self._swept(route, single)
-            found += [route] if np.isfinite(route.worth) else []
-        found.sort(key=lambda route: -route.worth)
-        double = list(itertools.combinations(self._every, 2))
-        return [self._swept(route, double) for route in found[:_POLISHED]] + found[_POLISHED:]
+            routes += [route] if np.isfinite(route.worth) else []
+        routes.sort(key=lambda route: -route.worth)
+        double, best = list(itertools.combinations(self._every, 2)), self._options.polished
+        return [self._swept(route, double) for route in routes[:best]] + routes[best:]
 
     @property
     def _of_means(self) -> RouteFinder:
-        """The same where the mean counts."""
-        other = copy(self)
-        other._worth = replace(self._worth, aggregate="mean")
-        return other
+        """The search where the mean counts."""
+        means = copy(self)
+        means._worth = replace(self._worth, aggregate="mean")
+        return means
 
     def _swept(self, route: Route, groups: Sequence[tuple[int, ...]]) -> Route:
         """A route improved by groups of arms, one after the other, until none gets better."""
-        since = 0
-        for arms in itertools.islice(itertools.cycle(groups), _SWEEPS * len(groups)):
+        since, most = 0, self._options.sweeps * len(groups)
+        for arms in itertools.islice(itertools.cycle(groups), most):
             better = self._exchange(route, arms)
-            since = since + 1 if better.worth <= route.worth + _GAIN else 1
+            since = since + 1 if better.worth <= route.worth + self._options.gain else 1
             route = better if better.worth > route.worth else route
             if since == len(groups) and np.isfinite(route.worth):
                 break
         return route
 
     def _exchange(self, route: Route, arms: tuple[int, ...]) -> Route:
-        """With the best routes of some arms beside the others'."""
+        """The route with the best ones of some arms, those of the others as they are."""
         values = [self.values.beside(k, arms, nodes) for k, nodes in enumerate(route.nodes)]
-        better = self._some(arms, values)
+        better = self._best_of(arms, values)
         if better is None:
             return route
         nodes = route.nodes.copy()
         nodes[:, list(arms)] = better.nodes
         others = [
-            each.costs[a, b]
+            layer.costs[a, b]
             for j, moves in enumerate(self._moves)
             if j not in arms
-            for each, a, b in zip(moves, nodes[:-1, j], nodes[1:, j], strict=True)
+            for layer, a, b in zip(moves, nodes[:-1, j], nodes[1:, j], strict=True)
         ]
         return Route(nodes, better.worth - float(sum(others)))
 
-    def _some(self, arms: tuple[int, ...], values: Sequence[Array]) -> Route | None:
+    def _best_of(self, arms: tuple[int, ...], values: Sequence[Array]) -> Route | None:
         """The best route of one or two arms; where the motion is closed, back to its beginning."""
         moving = self._moving(values, [self._moves[i] for i in arms])
         lattice = self._held(moving, [self._roadmaps[i] for i in arms])
         if self._returns:
-            return max(self._closed(arms, lattice), key=lambda each: each.worth, default=None)
+            return max(self._closed(arms, lattice), key=lambda route: route.worth, default=None)
         best = next(iter(self._aggregated(lattice, 1)), None)
         return None if best is None else Route(best.nodes[:, : len(arms)], best.worth)
 
@@ -392,6 +399,6 @@ class RouteFinder:
         """The largest difference of a joint in any layer, rad or m."""
         return max(
             float(np.abs(r.apart(layer.q[a], layer.q[b])).max())
-            for r, mine, theirs in zip(self._roadmaps, one.nodes.T, other.nodes.T, strict=True)
-            for layer, a, b in zip(r.layers, mine, theirs, strict=True)
+            for r, own, others in zip(self._roadmaps, one.nodes.T, other.nodes.T, strict=True)
+            for layer, a, b in zip(r.layers, own, others, strict=True)
         )

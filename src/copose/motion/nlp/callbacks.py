@@ -1,4 +1,4 @@
-"""Functions that numpy evaluates, for CasADi's solvers."""
+"""CasADi callbacks: functions for its solvers that numpy evaluates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rows of a motion's program that keep witness points of bodies apart, in closed form."""
+"""Clearance constraints of a motion: distances of witness points and their derivatives."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from copose.poses import Array, Indices
 
 
 class ClearanceRows:
-    """n·(b − a) − c ≥ 0 at knots, with a and b fixed to carriers and n to the world.
+    """Rows n·(b − a) − c ≥ 0 at knots, with a and b fixed to carriers and n to the world.
 
     With the axis z_l of a joint and the point p it moves, ∂p/∂q_l = z_l × (p − o_l), of a sliding
     one z_l; ∂²p/∂q_l ∂q_m = z_l × ∂p/∂q_m where l comes before m and turns.
@@ -30,7 +30,7 @@ class ClearanceRows:
         near: Sequence[Sequence[Witness]],
         margin: float,
     ) -> None:
-        """The rows of some witnesses.
+        """Set up the rows of some witnesses.
 
         Args:
             bodies: that are kept apart.
@@ -47,8 +47,8 @@ class ClearanceRows:
         ])  # fmt: skip
         self._axes = np.array([joint.axis for arm in arms for joint in arm.joints])
         self._turns = np.array([joint.kind == "revolute" for arm in arms for joint in arm.joints])
-        cuts = [cut for mine in near for cut in mine]
-        self.knots = np.repeat(np.arange(len(near)), [len(mine) for mine in near])
+        cuts = [cut for witnesses in near for cut in witnesses]
+        self.knots = np.repeat(np.arange(len(near)), [len(witnesses) for witnesses in near])
         self._least = bodies.clearance + margin + SPARE
         # Ends of the rows: first all that are taken off, then all that are added.
         carriers = [cut.first for cut in cuts] + [cut.second for cut in cuts]
@@ -74,13 +74,13 @@ class ClearanceRows:
         return rows, columns
 
     def values(self, q: Array) -> Array:
-        """At a motion, (n, N); m, (r,)."""
+        """Values of the rows at a motion, (n, N); m, (r,)."""
         p, _, _ = self._at(q)
         ends = (self._normals * p).sum(axis=1)
         return np.asarray(ends[: len(self)] + ends[len(self) :] - self._least)
 
     def slopes(self, q: Array) -> Array:
-        """By the joints of its knot, (r, N)."""
+        """Derivatives of the rows by the joints of their knot, (r, N)."""
         _, _, D = self._at(q)
         ends = (D @ self._normals[:, :, None])[:, :, 0]
         return np.asarray(ends[: len(self)] + ends[len(self) :])
@@ -90,10 +90,10 @@ class ClearanceRows:
         _, z, D = self._at(q)
         turned = np.cross(np.tile(multipliers, 2)[:, None, None] * self._normals[:, None], z)
         turned *= (self._moves & self._turns)[:, :, None]
-        found = np.triu(turned @ D.swapaxes(1, 2))
-        found += np.triu(found, 1).swapaxes(1, 2)
-        total = np.zeros((len(q), *found.shape[1:]))
-        np.add.at(total, np.tile(self.knots, 2), found)
+        bends = np.triu(turned @ D.swapaxes(1, 2))
+        bends += np.triu(bends, 1).swapaxes(1, 2)
+        total = np.zeros((len(q), *bends.shape[1:]))
+        np.add.at(total, np.tile(self.knots, 2), bends)
         return total
 
     def _at(self, q: Array) -> tuple[Array, Array, Array]:

@@ -1,7 +1,6 @@
-"""The sparse program of a motion, solved as often as it takes.
+"""Constraint generation for a motion: its sparse program is solved, and again with what it broke.
 
-What a program leaves out joins it where its answer breaks it: pairs of bodies that it has run into,
-and facets of an exact set.
+What joins are pairs of bodies that the answer ran into, and facets of an exact set.
 """
 
 from __future__ import annotations
@@ -16,8 +15,9 @@ from copose.constraints.clearance import of_two
 from copose.constraints.table import constraints_of
 from copose.motion.dynamics.rates import JointRates
 from copose.motion.nlp.clearance_rows import ClearanceRows
-from copose.motion.nlp.knot import OVER, Form, KnotNlp
-from copose.motion.nlp.motion_nlp import MotionProgram, Multipliers, Solved, Task
+from copose.motion.nlp.knot import KnotNlp, MotionKind
+from copose.motion.nlp.knot_constraints import tightened
+from copose.motion.nlp.motion_nlp import MotionProgram, Multipliers, OptimisedMotion, Task
 from copose.motion.nlp.starts import started
 from copose.motion.path.knots import Course
 from copose.objectives.objective import Cuts
@@ -26,16 +26,20 @@ from copose.posture.local.nlp_cuts import CutOptions
 from copose.posture.model import PostureModel
 from copose.posture.solvers.constraint_generation import GenerationOptions, Step, generate
 
-_EXCHANGES, _COLLISIONS = 6, 10
-# Joints that differ by less, rad or m, are those of one motion.
-_SAME = 1e-3
-# Iterations of programs at most, and of those with kinks.
-_PLAIN, _SHARP = 300, 80
+
+@dataclass(frozen=True)
+class SolverOptions:
+    """Options of the rounds in which a program is solved, and of IPOPT."""
+
+    exchanges: int = 6  # rounds in which demands that were left out join
+    collisions: int = 10  # rounds in which pairs of bodies that are met join
+    iterations: int = 300  # of IPOPT at most
+    kinked_iterations: int = 80  # the same of an objective with kinks
 
 
 @dataclass(frozen=True, eq=False)
 class EndConditions:
-    """What a motion has to keep, beside the chain.
+    """End conditions, duration and margin of a motion.
 
     Attributes:
         duration: s.
@@ -53,40 +57,17 @@ class EndConditions:
 
 
 @dataclass(frozen=True, eq=False)
-class OptimisedMotion:
-    """A motion that a program ended with.
-
-    Attributes:
-        q: joints at the knots, (n, N).
-        duration: s.
-        converged: whether it is an answer.
-        status: in IPOPT's words.
-        violated: what is broken most, at which knot, by how much.
-        multipliers: of the program's answer.
-        share: of torque and acceleration limits, where as little of them as can be is sought.
-    """
-
-    q: Array
-    duration: float
-    converged: bool
-    status: str
-    violated: tuple[str, int, float]
-    multipliers: Multipliers | None = None
-    share: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
 class Met:
-    """A motion that runs into bodies, and what it became.
+    """A motion that ran into bodies, and what it became once they had joined its program.
 
     Attributes:
-        form: of its program.
+        kind: of its program.
         duration: that the program was given, s.
         q: joints at the knots, (n, N).
         ended: with what keeps it clear of them.
     """
 
-    form: Form
+    kind: MotionKind
     duration: float
     q: Array
     ended: OptimisedMotion
@@ -94,18 +75,18 @@ class Met:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A motion that is sought, and what its program leaves of the limits.
+    """A motion that is sought, and the factors by which its program tightens limits.
 
     Attributes:
         course: at the knots.
         wanted: what it has to keep.
-        form: of its program.
+        kind: of its program.
         smoothness: s²/rad² per unit of the objective.
         near: whether its program starts near its answer.
         slack: how wide the bounds of an objective with kinks start.
         speeds: of joints, (N,).
-        shares: of torque limits by knot, as a part, (n,).
-        calm: of acceleration limits alike.
+        shares: factors of torque limits by knot, (n,).
+        calm: factors of acceleration limits alike.
         roughly: whether demands that the program leaves out stay out.
         met: motions that ran into bodies where the same was wanted: what comes to one of them ends
             as it did.
@@ -113,7 +94,7 @@ class Case:
 
     course: Course
     wanted: EndConditions
-    form: Form
+    kind: MotionKind
     smoothness: float
     near: bool
     slack: float
@@ -125,60 +106,74 @@ class Case:
 
 
 class Solver:
-    """Builds and solves the programs of one cell."""
+    """The programs of one cell, built when they are asked for, and their solution."""
 
-    def __init__(self, model: PostureModel, drive: JointRates, *, kinked: bool) -> None:
-        """Programs are built when they are asked for.
+    def __init__(
+        self,
+        model: PostureModel,
+        drive: JointRates,
+        *,
+        worst: bool,
+        rates: bool,
+        kinked: bool,
+        options: SolverOptions = SolverOptions(),
+    ) -> None:
+        """Set up the solver.
 
         Args:
             model: what is built.
             drive: computes rates and wrenches.
+            worst: whether the least objective of all knots counts, not their mean.
+            rates: whether joint speeds and accelerations enter.
             kinked: whether the objective has kinks where it is largest.
+            options: of the rounds and of IPOPT.
         """
-        self._model, self._drive = model, drive
-        self._kinked = kinked
-        self._tasks: dict[Form, KnotNlp] = {}
+        self._model, self._drive, self._options = model, drive, options
+        self._worst, self._rates, self._kinked = worst, rates, kinked
+        self._tasks: dict[MotionKind, KnotNlp] = {}
         setting = model.setting(model.cell)
         self._numbers = setting.objective.program_size(setting.holding)
 
-    def task(self, form: Form) -> KnotNlp:
-        """What the programs of a form hold at a knot."""
-        if form not in self._tasks:
-            model, capacity = self._model, self._drive.capacity
-            kept = constraints_of(model.cell, moving=True)
-            self._tasks[form] = KnotNlp(
-                model.cell, model.objective, self._numbers, capacity, kept, form
-            )
-        return self._tasks[form]
+    def task(self, kind: MotionKind) -> KnotNlp:
+        """The program of a kind at a knot."""
+        if kind not in self._tasks:
+            model = self._model
+            self._tasks[kind] = KnotNlp(
+                model.cell, model.objective, self._numbers, self._drive.capacity,
+                constraints_of(model.cell, moving=True), kind,
+                worst=self._worst, rates=self._rates,
+            )  # fmt: skip
+        return self._tasks[kind]
 
     def solved(self, case: Case, q: Array, beside: Multipliers | None = None) -> OptimisedMotion:
         """The best motion near one, (n, N), with demands that a program left out."""
         model, settings = self._model, case.course.settings
         cuts = [
-            setting.objective.cuts(setting, model.split(here[None]))[0]
-            for setting, here in zip(settings, q, strict=True)
+            setting.objective.cuts(setting, model.split(posture[None]))[0]
+            for setting, posture in zip(settings, q, strict=True)
         ]
-        settled = case.roughly or case.form.common in ("stretch", "share")
+        settled = case.roughly or case.kind in (MotionKind.SHORTEST, MotionKind.SPARING)
         if not model.objective.costly or settled:
             return self._apart(case, q, cuts, beside)
         ends: list[OptimisedMotion] = []
 
         def solve(
-            here: OptimisedMotion, cuts: list[Cuts], room: float
+            motion: OptimisedMotion, cuts: list[Cuts], room: float
         ) -> Step[OptimisedMotion, list[Cuts]] | None:
-            ends.append(self._apart(case, here.q, cuts, here.multipliers))
+            ends.append(self._apart(case, motion.q, cuts, motion.multipliers))
             if not ends[-1].converged:
                 return None
             violated = [
-                setting.objective.more_cuts(setting, model.split(q[None]), mine)
-                for setting, q, mine in zip(settings, ends[-1].q, cuts, strict=True)
+                setting.objective.more_cuts(setting, model.split(posture[None]), known)
+                for setting, posture, known in zip(settings, ends[-1].q, cuts, strict=True)
             ]
             added = [old if new is None else new for old, new in zip(cuts, violated, strict=True)]
-            done = all(each is None for each in violated)
+            done = all(new is None for new in violated)
             return Step(ends[-1], 0.0, 0.0, None if done else added)
 
         start = OptimisedMotion(q, case.wanted.duration, False, "", ("", 0, np.inf), beside)
-        options = GenerationOptions(rounds=1 + _EXCHANGES, free_rounds=1 + _EXCHANGES)
+        rounds = 1 + self._options.exchanges
+        options = GenerationOptions(rounds=rounds, free_rounds=rounds)
         generate(start, -np.inf, cuts, solve, lambda *_: True, options)
         return ends[-1]
 
@@ -189,37 +184,37 @@ class Solver:
         cuts: list[Cuts],
         beside: Multipliers | None,
     ) -> OptimisedMotion:
-        """With pairs of bodies that it has run into."""
+        """The best motion near one, (n, N), with the pairs of bodies that it ran into."""
         model, course = self._model, case.course
-        near = [of_two(mine) for mine in self._witnesses(course, q, CutOptions().near)]
+        near = [of_two(witnesses) for witnesses in self._witnesses(course, q, CutOptions().near)]
         met: list[Array] = []
         cold, start, multipliers = case, q, beside
-        for _ in range(_COLLISIONS):
-            found = self._run(case, near, q, cuts, beside)
-            if not found.converged and case is not cold:
+        for _ in range(self._options.collisions):
+            motion = self._run(case, near, q, cuts, beside)
+            if not motion.converged and case is not cold:
                 case, q, beside = cold, start, multipliers
                 continue
-            if model.bodies is None or not found.converged:
+            if model.bodies is None or not motion.converged:
                 break
-            hits = self._witnesses(course, found.q, case.wanted.margin)
+            hits = self._witnesses(course, motion.q, case.wanted.margin)
             if not any(hits):
                 break
             for known in case.met:
-                same = (known.form, known.duration) == (case.form, case.wanted.duration)
-                if same and same_motion(known.q, found.q):
+                same = (known.kind, known.duration) == (case.kind, case.wanted.duration)
+                if same and same_motion(known.q, motion.q):
                     return known.ended
-            met.append(found.q)
-            near = [(*mine, *hit) for mine, hit in zip(near, hits, strict=True)]
+            met.append(motion.q)
+            near = [(*known, *hit) for known, hit in zip(near, hits, strict=True)]
             if min(cut.distance for hit in hits for cut in hit) > 0:
                 # What is a little too near is mended where it is.
-                case, q, beside = replace(case, near=True), found.q, found.multipliers
+                case, q, beside = replace(case, near=True), motion.q, motion.multipliers
         else:
-            found = replace(found, converged=False, status="Collision")
-        case.met.extend(Met(case.form, case.wanted.duration, each, found) for each in met)
-        return found
+            motion = replace(motion, converged=False, status="Collision")
+        case.met.extend(Met(case.kind, case.wanted.duration, q, motion) for q in met)
+        return motion
 
     def _witnesses(self, course: Course, q: Array, beyond: float) -> list[list[Witness]]:
-        """Of bodies at every knot that are less than so much farther apart than they must be."""
+        """Witnesses at every knot of bodies that are nearer than the clearance and so much more."""
         bodies = self._model.bodies
         if bodies is None:
             return [[] for _ in course.settings]
@@ -234,13 +229,13 @@ class Solver:
         beside: Multipliers | None,
     ) -> OptimisedMotion:
         model, course, wanted = self._model, case.course, case.wanted
-        task, clearance = self.task(case.form), None
+        task, clearance = self.task(case.kind), None
         if model.bodies is not None and any(near):
             clearance = ClearanceRows(model.bodies, course, near, wanted.margin)
         start = started(model, self._drive, task, course, q, wanted.duration, cuts, case.slack)
         if not np.all(np.isfinite(start)):
             return OptimisedMotion(q, wanted.duration, False, "Singular_Start", ("", 0, np.inf))
-        inertial = self._drive.inertial(course)
+        inertial = self._drive.torques.inertial(course)
         parameters = np.array(
             [
                 np.concatenate([
@@ -253,8 +248,10 @@ class Solver:
             ]
         )  # fmt: skip
         lower, upper = self._bounds(len(course), wanted)
-        ended: Solved = MotionProgram(task, case.form).solve(
-            start,
+        smooth = case.kind in (MotionKind.SMOOTHED, MotionKind.UNLIMITED)
+        sharp = self._kinked and not smooth
+        return MotionProgram(
+            task,
             Task(
                 parameters=parameters,
                 duration=wanted.duration,
@@ -264,26 +261,13 @@ class Solver:
                 speeds=case.speeds,
                 held=model.cell.held_knots(len(course)),
                 clearance=clearance,
-                tightened=_parts(task, case.shares, case.calm),
+                tightened=tightened(task.constraints, case.shares, case.calm),
                 returns=wanted.returns,
                 beside=beside,
                 near=case.near,
-                iterations=_SHARP if self._kinked and not case.form.rounded else _PLAIN,
+                iterations=self._options.kinked_iterations if sharp else self._options.iterations,
             ),
-        )
-        duration = wanted.duration
-        if case.form.shortest:
-            duration *= float(ended.y[0, task.slices["stretch"].start])
-        share = float(ended.y[0, task.slices["share"].start]) if case.form.sparing else None
-        return OptimisedMotion(
-            q=ended.y[:, : task.joints],
-            duration=duration,
-            converged=ended.converged,
-            status=ended.status,
-            violated=ended.violated,
-            multipliers=ended.multipliers,
-            share=share,
-        )
+        ).solve(start)
 
     def _bounds(self, count: int, wanted: EndConditions) -> tuple[Array, Array]:
         cell = self._model.cell
@@ -300,22 +284,6 @@ class Solver:
         return lower, upper
 
 
-def same_motion(one: Array, other: Array) -> bool:
-    """True where two motions at the same knots, (n, N), differ by nothing but rounding."""
-    return bool(np.abs(one - other).max() < _SAME)
-
-
-def _parts(task: KnotNlp, shares: Array, calm: Array) -> Array | None:
-    """What is left of the bounds of torques and accelerations at every knot."""
-    if np.all(shares == 1.0) and np.all(calm == 1.0):
-        return None
-    parts = np.ones((len(shares), len(task.bounds[0])))
-    first = 0
-    for constraint in task.constraints:
-        rows = slice(first, first + constraint.expression.numel())
-        first = rows.stop
-        if constraint.name == f"torques{OVER}":
-            parts[:, rows] = shares[:, None]
-        elif constraint.name == f"accelerations{OVER}":
-            parts[:, rows] = calm[:, None]
-    return parts
+def same_motion(one: Array, other: Array, tolerance: float = 1e-3) -> bool:
+    """True where two motions at the same knots, (n, N), differ by no more than rounding."""
+    return bool(np.abs(one - other).max() < tolerance)

@@ -1,9 +1,10 @@
-"""What a program along a path holds at one of its knots, as expressions."""
+"""The program of a motion at one of its knots, as expressions and compiled kernels."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 from functools import cached_property
 
 import casadi as ca
@@ -11,49 +12,34 @@ import numpy as np
 
 from copose.cell.cell import Cell
 from copose.cell.dynamics import CellDynamics
-from copose.constraints.constraint import Constraint, closure_constraints, equality
+from copose.constraints.constraint import Constraint, closure_constraints
 from copose.constraints.posture_constraint import PostureConstraint
-from copose.constraints.torque import kept_bounds
 from copose.kernels import Kernel
-from copose.motion.dynamics.inverse_dynamics import exertable
+from copose.motion.nlp.knot_constraints import driving_constraints, independent, spared
 from copose.objectives.objective import Objective
 from copose.poses import Array, Indices
 
-# How names of constraints on shares of limits end, and what share of them is little enough.
-OVER, _ROOM = ", over their limits", 0.95
-# How names of balances of wrenches begin.
-BALANCE = "balance of wrenches"
+
+class MotionKind(Enum):
+    """What a program of a motion optimises, and which limits it has."""
+
+    BEST = "best"
+    """The objective as it is."""
+    SMOOTHED = "smoothed"
+    """An objective with kinks is replaced by one without, whose best is near."""
+    SHORTEST = "shortest"
+    """The duration is minimised, and the objective does not count."""
+    SPARING = "sparing"
+    """The largest share of torque and acceleration limits is minimised, and nothing else."""
+    UNLIMITED = "unlimited"
+    """As smoothed, without limits of torques and accelerations."""
 
 
 @dataclass(frozen=True)
-class Form:
-    """Which program it is.
+class KnotOptions:
+    """Options of a knot's program."""
 
-    Attributes:
-        worst: whether the least objective of all knots counts, not their mean.
-        shortest: whether the duration is sought, and nothing else.
-        rates: whether joint speeds and accelerations enter.
-        rounded: whether an objective with kinks is replaced by one without, whose best is near.
-        sparing: whether a motion is sought that keeps torque and acceleration limits, or breaks
-            them as little as can be, and nothing else.
-        loose: whether limits of torques and accelerations are left out.
-    """
-
-    worst: bool = False
-    shortest: bool = False
-    rates: bool = False
-    rounded: bool = False
-    sparing: bool = False
-    loose: bool = False
-
-    @property
-    def common(self) -> str | None:
-        """The variable, the same at all knots, that is minimised, −level maximised; None where
-        the mean of the objective counts.
-        """
-        if self.sparing:
-            return "share"
-        return "stretch" if self.shortest else "level" if self.worst else None
+    least_share: float = 0.95  # of torque and acceleration limits; less is not worth sparing
 
 
 class KnotNlp:
@@ -65,6 +51,9 @@ class KnotNlp:
     stretch of the duration; the share of torque and acceleration limits.
 
     Attributes:
+        kind: what is optimised.
+        shared: the variable, the same at all knots, that is minimised, −level maximised; None where
+            the mean of the objective counts.
         slices: of y, by name.
         constraints: on it.
         holding: names of those on holding the object at rest, which some knots may be free of.
@@ -83,9 +72,13 @@ class KnotNlp:
         numbers: int,
         capacity: CellDynamics | None,
         required: Sequence[PostureConstraint],
-        form: Form,
+        kind: MotionKind,
+        *,
+        worst: bool,
+        rates: bool,
+        options: KnotOptions = KnotOptions(),
     ) -> None:
-        """Write it down.
+        """Write the expressions of one program.
 
         Args:
             cell: whose arms they are.
@@ -93,89 +86,73 @@ class KnotNlp:
             numbers: how many parameters it has.
             capacity: what torque limits allow, where they matter.
             required: constraints on postures.
-            form: which program.
+            kind: what is optimised.
+            worst: whether the least objective of all knots counts, not their mean.
+            rates: whether joint speeds and accelerations enter, but where nothing limits them.
+            options: of the program.
         """
         system = cell.system
         symbols = ca.SX.sym("numbers", numbers)
-        b = len(system.space.balance)
-        inertial, duration = ca.SX.sym("inertial", b), ca.SX.sym("duration")
-        constraints = list(closure_constraints(system))
+        inertial, duration = ca.SX.sym("inertial", len(system.space.balance)), ca.SX.sym("duration")
+        self.kind, self.shared = kind, _shared(kind, worst=worst)
+        self.holding: frozenset[str] = frozenset()
+        self._counts = [arm.n for arm in cell.arms]
         parts: dict[str, ca.SX] = {"q": system.q}
-        value = ca.SX(0)
-        if form.common in (None, "level"):
+        constraints, value = list(closure_constraints(system)), ca.SX(0)
+        if self.shared in (None, "level"):
             term = objective.term(system, cell.problem.axes, symbols, capacity)
-            if term.sharp is not None and not form.rounded:
+            if term.sharp is not None and kind not in (MotionKind.SMOOTHED, MotionKind.UNLIMITED):
                 term = term.sharp
             value = term.natural
             parts["beside"] = term.variables
             constraints += term.constraints
-        self.holding: frozenset[str] = frozenset()
-        for constraint in () if form.loose else required:
+        for constraint in () if kind is MotionKind.UNLIMITED else required:
             added = constraint.term(system, capacity)
             if added is not None:
                 parts[constraint.name] = added.variables
                 constraints += added.constraints
                 if constraint.torque_limited:
                     self.holding |= {row.name for row in added.constraints}
-        stretch = ca.SX.sym("stretch") if form.shortest else ca.SX(1)
-        if form.rates:
-            slopes, bends = (
-                ca.SX.sym("slopes", system.q.numel()),
-                ca.SX.sym("bends", system.q.numel()),
-            )
-            parts |= {"slopes": slopes, "bends": bends}
-            span = duration * stretch
-            wrenches, more = _driven(
-                cell, slopes / span, bends / span**2, inertial / span**2, capacity
-            )
-            parts["wrenches"] = wrenches
+        stretch = ca.SX.sym("stretch") if kind is MotionKind.SHORTEST else ca.SX(1)
+        if rates and kind is not MotionKind.UNLIMITED:
+            own, more = _driven(cell, duration * stretch, inertial, capacity)
+            parts |= own
             constraints += more
-        if form.common == "level":
-            level = ca.SX.sym("level")
-            parts["level"] = level
-            constraints.append(
-                Constraint("level", value - level, np.zeros(1), np.full(1, np.inf), "1")
-            )
+        if self.shared is not None:
+            shared = stretch if self.shared == "stretch" else ca.SX.sym(self.shared)
+            parts[self.shared] = shared
+            constraints = _on_shared(self.shared, shared, value, constraints, options)
             value = ca.SX(0)
-        if form.shortest:
-            parts["stretch"] = stretch
-        if form.sparing:
-            share = ca.SX.sym("share")
-            parts["share"] = share
-            constraints = [_spared(constraint, share) for constraint in constraints]
-            constraints.append(
-                Constraint("share", share, np.full(1, _ROOM), np.full(1, np.inf), "1")
-            )
-        self.constraints = tuple(_balanced(cell, constraint) for constraint in constraints)
+        self.constraints = tuple(independent(cell, constraint) for constraint in constraints)
         edges = np.cumsum([0] + [part.numel() for part in parts.values()])
         self.slices = {
             name: slice(int(a), int(z))
             for name, a, z in zip(parts, edges[:-1], edges[1:], strict=True)
         }
-        self._y = ca.vertcat(*parts.values())
-        self._p = ca.vertcat(system.parameters, symbols, inertial, duration)
-        self._value, self._g = value, ca.vertcat(*(c.expression for c in self.constraints))
-        self.joints = system.q.numel()
-        J = ca.jacobian(self._g, self._y)
-        self.value = Kernel(self._y, self._p, ca.vertcat(value, self._g))
-        gradient = ca.densify(ca.gradient(value, self._y))
+        self.joints, self._y = system.q.numel(), ca.vertcat(*parts.values())
+        self._derive(value, ca.vertcat(system.parameters, symbols, inertial, duration))
+
+    def _derive(self, value: ca.SX, p: ca.SX) -> None:
+        """Build the kernels of value, constraints and their derivatives."""
+        y, g = self._y, ca.vertcat(*(c.expression for c in self.constraints))
+        J = ca.jacobian(g, y)
+        self.value = Kernel(y, p, ca.vertcat(value, g))
+        gradient = ca.densify(ca.gradient(value, y))
         entries = ca.vec(J)[ca.vec(J).sparsity().row()] if J.nnz() else ca.SX(0, 1)
-        self.slopes = Kernel(self._y, self._p, ca.vertcat(gradient, entries))
+        self.slopes = Kernel(y, p, ca.vertcat(gradient, entries))
         self.pattern: tuple[Indices, Indices] = _pattern(J.sparsity())
-        sigma, multipliers = ca.SX.sym("sigma"), ca.SX.sym("multipliers", self._g.numel())
-        slope = ca.gradient(sigma * value + ca.dot(multipliers, self._g), self._y)
-        given = ca.vertcat(self._y, sigma, multipliers)
-        self.lagrangian = Kernel(given, self._p, slope)
-        others = self._y[self.joints :]
-        curved = ca.jacobian(slope, others)
+        sigma, multipliers = ca.SX.sym("sigma"), ca.SX.sym("multipliers", g.numel())
+        slope = ca.gradient(sigma * value + ca.dot(multipliers, g), y)
+        weighed = ca.vertcat(y, sigma, multipliers)
+        self.lagrangian = Kernel(weighed, p, slope)
+        curved = ca.jacobian(slope, y[self.joints :])
         rows, columns = _pattern(curved.sparsity())
         upper = (rows >= self.joints) & (rows <= columns + self.joints)
         self.curved = rows[upper], columns[upper] + self.joints
         places = np.array(ca.vec(curved).sparsity().row(), dtype=np.intp)[upper].tolist()
         kept = ca.vec(curved)[places] if places else ca.SX(0, 1)
-        self.rest = Kernel(given, self._p, kept)
+        self.rest = Kernel(weighed, p, kept)
         self._slope = slope
-        self._counts = [arm.n for arm in cell.arms]
 
     @cached_property
     def moved_by(self) -> dict[str, Indices]:
@@ -188,12 +165,12 @@ class KnotNlp:
 
     @property
     def size(self) -> int:
-        """Of y."""
+        """Number of variables y."""
         return int(self._y.numel())
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Of the constraints, stacked."""
+        """Lower and upper bounds of the constraints, stacked."""
         return (
             np.concatenate([c.lower for c in self.constraints]),
             np.concatenate([c.upper for c in self.constraints]),
@@ -204,8 +181,8 @@ class KnotNlp:
         """Rows and columns of the Lagrangian's Hessian in which q takes part, upper triangle."""
         pattern = ca.jacobian_sparsity(self._slope, self._y)
         rows, columns = _pattern(pattern)
-        mine = (rows < self.joints) & (rows <= columns)
-        return rows[mine], columns[mine]
+        upper = (rows < self.joints) & (rows <= columns)
+        return rows[upper], columns[upper]
 
     @property
     def kernels(self) -> tuple[Kernel, ...]:
@@ -213,75 +190,38 @@ class KnotNlp:
         return self.lagrangian, self.slopes, self.value, self.rest
 
 
-def _balanced(cell: Cell, constraint: Constraint) -> Constraint:
-    """A balance of wrenches without rows that follow from the others; all else as it is.
+def _shared(kind: MotionKind, *, worst: bool) -> str | None:
+    """The variable that all knots share and that is optimised, if there is one."""
+    shared = {MotionKind.SPARING: "share", MotionKind.SHORTEST: "stretch"}
+    return shared.get(kind, "level" if worst else None)
 
-    What contacts cannot do anything about must balance by itself: `Torques.least` sees to that.
+
+def _on_shared(
+    name: str, shared: ca.SX, value: ca.SX, constraints: list[Constraint], options: KnotOptions
+) -> list[Constraint]:
+    """All constraints with those on the shared variable: a level below the objective's value, or a
+    share that torque and acceleration limits are multiplied by.
     """
-    rows = exertable(cell)
-    full = constraint.expression.numel() == rows.shape[1] > len(rows)
-    if not full or not constraint.name.startswith(BALANCE):
-        return constraint
-    own = cell.system.object.rotation.T
-    balance = list(cell.system.space.balance)
-    turned = ca.diagcat(own, own)[balance, balance] @ constraint.expression
-    return equality(constraint.name, ca.DM(rows) @ turned, constraint.unit)
-
-
-def _spared(constraint: Constraint, share: ca.SX) -> Constraint:
-    """Limits of torques and accelerations that share multiplies; all else as it is."""
-    if not constraint.name.endswith(OVER):
-        return constraint
-    size = constraint.expression.numel()
-    nothing, open_ = np.zeros(size), np.full(size, np.inf)
-    return Constraint(
-        constraint.name,
-        ca.vertcat(constraint.expression - share, constraint.expression + share),
-        np.concatenate([-open_, nothing]),
-        np.concatenate([nothing, open_]),
-        "1",
-    )
+    unbounded = np.full(1, np.inf)
+    if name == "level":
+        return [*constraints, Constraint("level", value - shared, np.zeros(1), unbounded, "1")]
+    if name == "share":
+        least = np.full(1, options.least_share)
+        limited = [spared(constraint, shared) for constraint in constraints]
+        return [*limited, Constraint("share", shared, least, unbounded, "1")]
+    return constraints
 
 
 def _driven(
-    cell: Cell, rates: ca.SX, accelerations: ca.SX, inertial: ca.SX, capacity: CellDynamics | None
-) -> tuple[ca.SX, list[Constraint]]:
-    """Accelerations within their limits; with ``dynamic_torque`` torques too, by some wrenches."""
-    system = cell.system
-    edges = np.cumsum([0] + [arm.n for arm in cell.arms]).tolist()
-    constraints = []
-    limits = np.concatenate([[joint.acceleration for joint in arm.joints] for arm in cell.arms])
-    limited = np.flatnonzero(np.isfinite(limits)).tolist()
-    if limited:
-        one = np.ones(len(limited))
-        share = accelerations[limited] / ca.DM(limits[limited])
-        constraints.append(Constraint(f"accelerations{OVER}", share, -one, one, "1"))
-    if not cell.dynamic_torque:
-        return ca.SX(0, 1), constraints
-    assert capacity is not None
-    rows = 2 if system.space.planar else 3
-    weight = -system.object.mass * ca.DM(system.gravity[:rows])
-    balance = -inertial
-    balance[list(range(rows))] -= weight
-    wrenches, shares, strong = [], [], capacity.strength
-    parts = zip(ca.vertsplit(rates, edges), ca.vertsplit(accelerations, edges), strict=True)
-    for i, (rate, acceleration) in enumerate(parts):
-        arm, coupling = system.arms[i], system.coupling(i)
-        h = ca.SX.sym(f"h_{arm.arm.name}", system.space.m)
-        torque, _ = arm.driven(acceleration, coupling.fall, strong * h, rate)
-        balance += coupling.balance @ (strong * h)
-        wrenches.append(h)
-        shares.append(torque / ca.DM(capacity.limits[i]))
-    share = ca.vertcat(*shares)
-    one = np.ones(share.numel())
-    constraints += [
-        Constraint(f"torques{OVER}", share, -one, one, "1"),
-        equality(BALANCE, balance / strong, "1"),
-    ]
-    if len(capacity.bounds.matrix):
-        held = strong * ca.vertcat(*wrenches)
-        constraints.append(kept_bounds("contact wrenches", capacity.bounds, held))
-    return ca.vertcat(*wrenches), constraints
+    cell: Cell, span: ca.SX, inertial: ca.SX, capacity: CellDynamics | None
+) -> tuple[dict[str, ca.SX], list[Constraint]]:
+    """Variables and constraints of joint rates, dq/dφ and d²q/dφ², over a duration."""
+    count = cell.system.q.numel()
+    slopes, bends = ca.SX.sym("slopes", count), ca.SX.sym("bends", count)
+    wrenches, constraints = driving_constraints(
+        cell, slopes / span, bends / span**2, inertial / span**2, capacity
+    )
+    return {"slopes": slopes, "bends": bends, "wrenches": wrenches}, constraints
 
 
 def _pattern(sparsity: ca.Sparsity) -> tuple[Indices, Indices]:

@@ -1,26 +1,30 @@
-"""Where the variables of a motion's program start."""
+"""Start values of the variables of a motion's program."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from copose.cell.context import PostureContext
 from copose.constraints.table import constraints_of
+from copose.motion.curve.differences import bends, slopes
 from copose.motion.dynamics.rates import JointRates
 from copose.motion.nlp.knot import KnotNlp
-from copose.motion.path.knots import Course, bends, slopes
+from copose.motion.path.knots import Course
 from copose.objectives.objective import Cuts
 from copose.poses import Array
 from copose.posture.model import PostureModel
 from copose.posture.setting import Setting
 
-# How far below the least objective its level starts, relative.
-_BELOW = 0.01
-# What share of torque and acceleration limits a motion that spares them starts with.
-_SHARE = 2.0
+
+@dataclass(frozen=True)
+class StartOptions:
+    """Options of start values."""
+
+    below: float = 0.01  # part of the least objective by which its level starts below it
+    share: float = 2.0  # of torque and acceleration limits, of a motion that spares them
 
 
 def started(
@@ -32,6 +36,7 @@ def started(
     duration: float,
     cuts: Sequence[Cuts],
     slack: float,
+    options: StartOptions = StartOptions(),
 ) -> Array:
     """All variables of every knot of a closed motion, (n, ny); not finite where one has no start.
 
@@ -44,6 +49,7 @@ def started(
         duration: s.
         cuts: demands of the objective that the program has, by knot.
         slack: how wide the bounds of an objective with kinks are.
+        options: of start values.
     """
     # Parts that a program has, and that are not empty.
     slices = {name: part for name, part in task.slices.items() if part.stop > part.start}
@@ -67,21 +73,21 @@ def started(
         y[:, slices["wrenches"]] = wrenches / drive.capacity.strength
     if "level" in slices:
         least = values_at(model, course, q).min()
-        y[:, slices["level"]] = least - _BELOW * (1 + abs(least))
+        y[:, slices["level"]] = least - options.below * (1 + abs(least))
     if "stretch" in slices:
         y[:, slices["stretch"]] = 1.0
     if "share" in slices:
-        y[:, slices["share"]] = _SHARE
+        y[:, slices["share"]] = options.share
     return y
 
 
 def values_at(model: PostureModel, course: Course, q: Array) -> Array:
-    """The objective at every knot of a motion, (n, N); NaN or −∞ where there is none, (n,)."""
-    found = [
-        model.objectives(setting, here[None])[0]
-        for setting, here in zip(course.settings, q, strict=True)
+    """Objective at every knot of a motion, (n, N); NaN or −∞ where there is none, (n,)."""
+    values = [
+        model.objectives(setting, posture[None])[0]
+        for setting, posture in zip(course.settings, q, strict=True)
     ]
-    return np.array(found)
+    return np.array(values)
 
 
 def loaded(setting: Setting, drive: JointRates) -> PostureContext:

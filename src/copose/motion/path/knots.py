@@ -1,4 +1,4 @@
-"""A journey at chosen instants, as the arms' kernels take it."""
+"""The object's path at chosen instants, as the arms' kernels take it."""
 
 from __future__ import annotations
 
@@ -7,20 +7,21 @@ from functools import cached_property
 
 import numpy as np
 
+from copose.cell.cell import Cell
 from copose.collision import configurations, joint_columns
 from copose.motion.path.object_motion import ObjectMotion, ObjectState
-from copose.poses import Array, Indices
+from copose.poses import Array, Indices, quaternion_product, rotation_rows
 from copose.posture.model import PostureModel
 from copose.posture.setting import Setting
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Where the object and the tips are at n instants; rates by the share φ of the duration.
+    """Poses of object and tips at n instants; rates by the share φ of the duration.
 
     Attributes:
         phases: φ, (n,).
-        stations: the object's.
+        stations: of the object.
         settings: what the kernels take there.
         goals: of the tips by arm, see `Placement`, (n, 7).
         velocities: of the contacts by arm, world axes, (n, m).
@@ -36,7 +37,7 @@ class Course:
 
     @classmethod
     def of(cls, model: PostureModel, journey: ObjectMotion, phases: Array) -> Course:
-        """A journey of the object of a cell."""
+        """The object's path at instants φ, (n,)."""
         cell = model.cell
         space = cell.system.space
         stations = tuple(journey.at(phase) for phase in phases)
@@ -63,16 +64,17 @@ class Course:
         )
 
     @cached_property
-    def _still(self) -> tuple[Array, Indices]:
-        """Where everything is with all joints at zero, (n, size), and which numbers they are."""
+    def _at_zero(self) -> tuple[Array, Indices]:
+        """Configurations with all joints at zero, (n, size), and the columns of the joints."""
         arms = self.settings[0].cell.arms
         poses = [setting.cell.problem.object.pose for setting in self.settings]
         x = configurations(arms, [arm.base for arm in arms], [None] * len(arms), poses)
         return x, joint_columns(arms)
 
     def configurations(self, q: Array) -> Array:
-        """Where everything is with joints at every instant, (n, N); (n, size)."""
-        x, columns = self._still[0].copy(), self._still[1]
+        """Configurations, (n, size), with joints at every instant, (n, N)."""
+        zero, columns = self._at_zero
+        x = zero.copy()
         x[:, columns] = q
         return x
 
@@ -80,7 +82,8 @@ class Course:
         return len(self.phases)
 
     def inertial_loads(self, inertia: Array | None) -> Array:
-        """Force m a over moment I α + ω × I ω, by φ twice, in the rows of `Space.balance`, (n, b).
+        """Inertial force m a over moment I α + ω × I ω, by φ twice, in the rows of `Space.balance`,
+        (n, b).
 
         Args:
             inertia: of the object about its centre of mass, object axes, (3, 3); None for none.
@@ -117,54 +120,12 @@ def uniform(count: int) -> Array:
     return np.linspace(0.0, 1.0, count)
 
 
-def interpolated(phases: Array, q: Array, wanted: Array) -> Array:
-    """Joint positions, (n, N), straight between the instants, at others, (count, N)."""
-    return np.column_stack([np.interp(wanted, phases, column) for column in q.T])
-
-
-def slopes(q: Array, step: float) -> Array:
-    """Central differences, zero at both ends, (n, N)."""
-    found = np.zeros_like(q)
-    found[1:-1] = (q[2:] - q[:-2]) / (2 * step)
-    return found
-
-
-def bends(q: Array, step: float) -> Array:
-    """Second differences; at the ends, where nothing moves, of knots mirrored there, (n, N)."""
-    found = np.empty_like(q)
-    found[1:-1] = (q[2:] - 2 * q[1:-1] + q[:-2]) / step**2
-    found[0], found[-1] = 2 * (q[1] - q[0]) / step**2, 2 * (q[-2] - q[-1]) / step**2
-    return found
-
-
-def spline_slopes(q: Array, step: float) -> Array:
-    """Slopes, (n, N), of the cubic spline through the knots that is at rest at both ends.
-
-    v[k−1] + 4 v[k] + v[k+1] = 3 (q[k+1] − q[k−1]) / step.
-    """
-    found = np.zeros_like(q)
-    inner = len(q) - 2
-    found[1:-1] = tridiagonal(np.full(inner, 4.0), np.ones(inner), 6 * slopes(q, step)[1:-1])
-    return found
-
-
-def tridiagonal(diagonal: Array, beside: Array, right: Array) -> Array:
-    """The solution of a symmetric system, (n,) or (n, N), by elimination from end to end.
-
-    Written out because the library's solvers take longer to load than a motion to plan.
-
-    Args:
-        diagonal: (n,).
-        beside: the entry of each row right of its diagonal, (n,); the last does not count.
-        right: (n,) or (n, N).
-    """
-    pivots, found = diagonal.copy(), right.copy()
-    for k in range(1, len(pivots)):
-        factor = beside[k - 1] / pivots[k - 1]
-        pivots[k] -= factor * beside[k - 1]
-        found[k] -= factor * found[k - 1]
-    for k in range(len(pivots) - 1, -1, -1):
-        if k + 1 < len(pivots):
-            found[k] -= beside[k] * found[k + 1]
-        found[k] /= pivots[k]
-    return found
+def tip_goals(cell: Cell, journey: ObjectMotion, i: int, phases: Array) -> Array:
+    """Poses that the object asks of the tip of arm i, see `Placement`, (count, 7)."""
+    base, grasp = cell.arms[i].base, cell.arms[i].grasp
+    positions, quaternions = journey.places(phases)
+    rotations = np.array(rotation_rows(quaternions.T)).transpose(2, 0, 1)
+    tips = positions + rotations @ grasp.position - base.position
+    back = base.quaternion * np.array([1.0, -1.0, -1.0, -1.0])
+    turned = quaternion_product(back, quaternion_product(quaternions.T, grasp.quaternion))
+    return np.hstack([tips @ base.rotation, np.stack(turned, axis=1)])

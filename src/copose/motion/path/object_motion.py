@@ -1,4 +1,4 @@
-"""Where the object is, how fast it moves and how it accelerates along a path."""
+"""The object's path: straight from waypoint to waypoint with minimum jerk, and its rates."""
 
 from __future__ import annotations
 
@@ -8,24 +8,18 @@ from itertools import pairwise
 
 import numpy as np
 
-from copose.poses import Array, Pose, quaternion_product
+from copose.motion.path import minimum_jerk
+from copose.poses import Array, Pose, quaternion_product, rotation_rows
 from copose.problem import Problem
-
-# m of a path that counts as long as a turn of one radian.
-_PER_TURN = 0.3
-# m of a path that is none.
-_NOTHING = 1e-9
-# The largest speed of minimum jerk over the mean.
-_PEAK = 1.875
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectState:
-    """The object at an instant of a journey, rates by the share of the journey's duration.
+    """The object's pose and rates at an instant, rates by the share φ of the path's duration.
 
     Attributes:
         pose: of its centre of mass in the world.
-        velocity: dp/dφ over the angular velocity by φ, world axes, (6,).
+        velocity: dp/dφ, m, over the angular velocity by φ, rad, world axes, (6,).
         acceleration: alike, by φ twice, (6,).
     """
 
@@ -36,11 +30,11 @@ class ObjectState:
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """From one waypoint straight to the next, turning about one axis by the shortest angle.
+    """The way from one waypoint straight to the next, turning about one axis by the shortest angle.
 
     Attributes:
         first: pose at its beginning.
-        step: m, (3,).
+        step: displacement, m, (3,).
         turn: rotation vector in world axes, rad, (3,).
         begins: φ at its beginning.
         share: of the duration.
@@ -53,11 +47,11 @@ class Segment:
     share: float
 
     def at(self, phase: float) -> ObjectState:
-        """On the way by 10x³ − 15x⁴ + 6x⁵, x the part of the segment's time that is behind."""
+        """The object at a share φ of the duration, by the minimum-jerk law."""
         x = np.clip((phase - self.begins) / self.share, 0.0, 1.0)
-        s = x**3 * (10 - 15 * x + 6 * x**2)
-        rate = 30 * x**2 * (1 - x) ** 2 / self.share
-        bend = 60 * x * (1 - x) * (1 - 2 * x) / self.share**2
+        s = minimum_jerk.travelled(x)
+        rate = minimum_jerk.speed(x) / self.share
+        bend = minimum_jerk.acceleration(x) / self.share**2
         along = np.concatenate([self.step, self.turn])
         quaternion = np.array(quaternion_product(_turned(s * self.turn), self.first.quaternion))
         return ObjectState(
@@ -83,7 +77,7 @@ class ObjectMotion:
 
     @classmethod
     def of(cls, problem: Problem) -> ObjectMotion:
-        """The journey of ``[path]``; without one the object stays."""
+        """The object's path of ``[path]``; without one the object stays."""
         poses = waypoint_poses(problem)
         steps = [b.position - a.position for a, b in pairwise(poses)]
         turns = [_turn(a, b) for a, b in pairwise(poses)]
@@ -105,24 +99,25 @@ class ObjectMotion:
 
     @cached_property
     def size(self) -> float:
-        """Σ max(length, 0.3 m · angle), m."""
+        """Total size, Σ max(length, 0.3 m · angle), m."""
         return sum(_size(segment.step, segment.turn) for segment in self.segments)
 
     @property
     def still(self) -> bool:
         """True where the object stays in its place."""
-        return self.size < _NOTHING
+        return self.size < 1e-9
 
     @property
     def fastest(self) -> float:
-        """The largest slope of that by φ, m."""
+        """The largest derivative of the size by φ, m."""
         sizes = [_size(s.step, s.turn) / s.share for s in self.segments]
-        return _PEAK * max(sizes)
+        return minimum_jerk.speed(0.5) * max(sizes)
 
     @property
     def speed(self) -> float:
-        """The largest of the centre of mass by φ, m."""
-        return _PEAK * max(float(np.linalg.norm(s.step)) / s.share for s in self.segments)
+        """The largest speed of the centre of mass by φ, m."""
+        lengths = [float(np.linalg.norm(s.step)) / s.share for s in self.segments]
+        return minimum_jerk.speed(0.5) * max(lengths)
 
     def at(self, phase: float) -> ObjectState:
         """The object at a share of the duration."""
@@ -132,23 +127,23 @@ class ObjectMotion:
         return self.segments[-1].at(phase)
 
     def places(self, phases: Array) -> tuple[Array, Array]:
-        """Positions, (count, 3), and quaternions, (count, 4), at many instants, for checks."""
+        """Positions, (count, 3), and quaternions, (count, 4), at many instants."""
         positions, quaternions = np.empty((len(phases), 3)), np.empty((len(phases), 4))
         begins = np.array([segment.begins for segment in self.segments])
         which = np.maximum(np.searchsorted(begins, phases, side="right") - 1, 0)
         for number, segment in enumerate(self.segments):
-            mine = which == number
-            x = np.clip((phases[mine] - segment.begins) / segment.share, 0.0, 1.0)
-            s = x**3 * (10 - 15 * x + 6 * x**2)
-            positions[mine] = segment.first.position + s[:, None] * segment.step
+            inside = which == number
+            x = np.clip((phases[inside] - segment.begins) / segment.share, 0.0, 1.0)
+            s = minimum_jerk.travelled(x)
+            positions[inside] = segment.first.position + s[:, None] * segment.step
             turned = _turned(s[:, None] * segment.turn)
             first = segment.first.quaternion
-            quaternions[mine] = np.stack(quaternion_product(turned.T, first), axis=1)
+            quaternions[inside] = np.stack(quaternion_product(turned.T, first), axis=1)
         return positions, quaternions
 
     @property
     def returns(self) -> bool:
-        """Whether it ends where it began."""
+        """True where it ends in the pose that it began with."""
         first, last = self.at(0.0).pose, self.at(1.0).pose
         return bool(
             np.allclose(first.position, last.position, rtol=0, atol=1e-9)
@@ -157,8 +152,8 @@ class ObjectMotion:
 
 
 def waypoint_poses(problem: Problem) -> list[Pose]:
-    """Where ``[path]`` has the object at its waypoints, all of it told; without one the object's
-    pose twice.
+    """Poses of the object at the waypoints of ``[path]``, what a waypoint leaves out as before it;
+    without a path the object's pose twice.
     """
     thing, planar, path = problem.object, problem.space.planar, problem.path
     if path is None:
@@ -176,7 +171,8 @@ def waypoint_poses(problem: Problem) -> list[Pose]:
 
 
 def _size(step: Array, turn: Array) -> float:
-    return float(max(np.linalg.norm(step), _PER_TURN * np.linalg.norm(turn)))
+    """The size of a displacement, m: its length, or 0.3 m a rad of its turn if that is more."""
+    return float(max(np.linalg.norm(step), 0.3 * np.linalg.norm(turn)))
 
 
 def _turn(a: Pose, b: Pose) -> Array:
@@ -199,12 +195,6 @@ def _turned(vectors: Array) -> Array:
 
 
 def _pose(position: Array, quaternion: Array) -> Pose:
-    w, x, y, z = quaternion / np.linalg.norm(quaternion)
-    R = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    there = Pose.make(position, R, quaternion)
+    rotation = rotation_rows(quaternion / np.linalg.norm(quaternion))
     # By way of roll, pitch and yaw, which a problem is told: one pose for all that is computed.
-    return Pose.from_rpy(position, there.rpy)
+    return Pose.from_rpy(position, Pose.make(position, rotation, quaternion).rpy)

@@ -1,4 +1,4 @@
-"""Whether a path can be what a problem asks for, and what that is in a sentence."""
+"""A path as it is asked for: checked against its problem, and described in a sentence."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from copose.robots import Arm
 
 
 def asked(problem: Problem, path: PathSpec, arms: Sequence[Arm]) -> ObjectMotion:
-    """The object's journey.
+    """The object's path, if the problem can have it.
 
     Raises:
         InputError: the path cannot be what it asks for.

@@ -1,4 +1,4 @@
-"""What programs make of routes through one graph, and what keeps them from it."""
+"""Candidates: routes through one graph, each optimised to a motion, or why there is none."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from copose.cell.dynamics import HELD
+from copose.motion.curve.differences import interpolated
 from copose.motion.dynamics.limit_use import LimitUse, largest_strain
 from copose.motion.graph.node_values import NodeValues
 from copose.motion.graph.roadmap import Roadmap
 from copose.motion.graph.routes import Route, RouteCost, RouteFinder
-from copose.motion.nlp.constraint_generation import EndConditions, Met, OptimisedMotion, same_motion
-from copose.motion.path.knots import Course, interpolated
+from copose.motion.nlp.constraint_generation import EndConditions, Met, same_motion
+from copose.motion.nlp.motion_nlp import OptimisedMotion
+from copose.motion.path.knots import Course
 from copose.motion.search.obstruction import (
     Obstruction,
     blocked,
@@ -29,25 +31,26 @@ from copose.posture.model import PostureModel
 from copose.posture.search.heaviest import heaviest
 from copose.progress import stage
 
-# Routes that are optimised, and where the graph knows less: an arm has more than one degree of
-# freedom to spare, forces are limited, or there are more than two arms; they differ by more than
-# this in some joint and layer, rad or m.
-_ROUTES, _MORE_ROUTES, _DISTANCE = 3, 6, 0.3
-# Combinations of the arms' branches that are all judged where no arm has a degree of freedom to
-# spare.
-_EVERY = 64
-# Routes of a kind from which motions are sought that spare torques.
-_EVEN = 2
-# How many times longer than the graph's shortest a motion lasts that spares torques.
-_EASY = 3.0
-# How smooth routes are, s²/rad² per unit of the objective, whose joints are to move little, and
-# motions.
-_CALM, _VERY_CALM = (3.0, 100.0), 100.0
+
+@dataclass(frozen=True)
+class TrialOptions:
+    """Options of the optimisation of routes."""
+
+    routes: int = 3  # that are optimised
+    # The same where the graph knows less: an arm has more than one degree of freedom to spare,
+    # forces are limited, or there are more than two arms.
+    more_routes: int = 6
+    distance: float = 0.3  # by which routes differ in some joint and layer, rad or m
+    every: int = 64  # combinations of branches that are all judged, of arms without a choice
+    even: int = 2  # routes of a kind from which motions are sought that spare torques
+    easy: float = 3.0  # times the graph's shortest duration that such motions last
+    calm: tuple[float, ...] = (3.0, 100.0)  # smoothness of routes that spare accelerations, and
+    very_calm: float = 100.0  # of their motions, s²/rad² per unit of the objective
 
 
 @dataclass(frozen=True, eq=False)
 class Ends:
-    """Joints of all arms where a motion begins and ends, (N,); NaN where any posture serves."""
+    """Postures of all arms in which a motion begins and ends, (N,); NaN where any serves."""
 
     first: Array
     last: Array
@@ -72,17 +75,17 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Motions of routes, best first, and why there is none where there is none."""
+    """Candidates, best first, or the obstruction where none is a motion."""
 
     tried: list[Candidate]
     why: Obstruction | None
 
     @classmethod
     def of(cls, tried: list[Candidate], why: Obstruction | None, *, shortest: bool) -> Outcome:
-        """Put what was tried in order."""
+        """Candidates in order; the obstruction counts where none is a motion."""
 
-        def order(each: Candidate) -> tuple[bool, float, float]:
-            return each.value is None, shortest * each.shaped.duration, -(each.value or 0.0)
+        def order(one: Candidate) -> tuple[bool, float, float]:
+            return one.value is None, shortest * one.shaped.duration, -(one.value or 0.0)
 
         ordered = sorted(tried, key=order)
         return cls(ordered, why if not ordered or ordered[0].value is None else None)
@@ -90,16 +93,17 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class CandidateSearch:
-    """Routes through one graph in a certain time, tried.
+    """The search of candidates: motions of a certain duration along routes through one graph.
 
     Attributes:
-        finisher: makes motions.
+        finisher: refines motions.
         course: the graph's layers.
         held: where motions begin and end.
         roadmaps: of the arms.
         values: of combinations of their postures.
         duration: s; where the shortest is sought, the one that is reckoned with.
         seed: of everything that is drawn.
+        options: of the search.
         tried: motions that programs made of routes so far.
     """
 
@@ -110,16 +114,17 @@ class CandidateSearch:
     values: NodeValues
     duration: float
     seed: int
+    options: TrialOptions = TrialOptions()
     tried: list[Candidate] = field(default_factory=list)
     _known: list[tuple[Array, Candidate]] = field(default_factory=list)
     _met: list[Met] = field(default_factory=list)
 
     def lasting(self, duration: float) -> CandidateSearch:
-        """The same in another time."""
+        """The same search for another duration."""
         return replace(self, duration=duration, tried=[], _known=[], _met=[])
 
     def least_duration(self) -> float:
-        """S that joints need at their speed limits, about; 0 without such, ∞ where no way is."""
+        """Time that joints need at their limits of speed, s; 0 without such, ∞ without routes."""
         return self._finder.least_interval() * (len(self.course) - 1)
 
     @property
@@ -128,7 +133,7 @@ class CandidateSearch:
 
     @property
     def _limited(self) -> bool:
-        """Whether torques have to keep limits."""
+        """True where torques have to keep limits."""
         return self._model.static or self._model.cell.dynamic_torque
 
     @cached_property
@@ -137,7 +142,7 @@ class CandidateSearch:
 
     @cached_property
     def _careful(self) -> RouteFinder:
-        """Finds routes that spare torques where they are to keep limits."""
+        """The finder of routes that spare torques, where they have to keep limits."""
         capacity = self.finisher.drive.capacity
         if not self._limited or capacity is None:
             return self._finder
@@ -155,11 +160,11 @@ class CandidateSearch:
 
     def outcome(self) -> Outcome:
         """Motions of the best routes, of more where those fail or time counts."""
-        model = self._model
+        model, options = self._model, self.options
         shortest, forceful = self.finisher.shaper.shortest, self.finisher.shaper.forceful
         simple = all(roadmap.simple for roadmap in self.roadmaps)
         sure = simple and not forceful and len(self.roadmaps) <= 2
-        most = _ROUTES if sure else _MORE_ROUTES
+        most = options.routes if sure else options.more_routes
         judged = self._judged
         if judged and (shortest or judged[0][0].what == "hold"):
             why = self._unheld()
@@ -171,61 +176,63 @@ class CandidateSearch:
             least, count = judged[0][0], 0 if model.bodies is not None else len(judged)
             return Outcome([], overloaded(model, course, self.duration, least, judged=count))
         routes = [route for strain, route in judged if shortest or strain.times <= 1 + HELD][:most]
-        routes = routes or self._finder.routes(most, _DISTANCE)
+        routes = routes or self._finder.routes(most, options.distance)
         if not routes:
             why = self._unheld() if self._limited else None
             return Outcome([], why or blocked(model, self.course, self._finder, self.duration))
-        quickest = self._finder.quickest(most, _DISTANCE) if shortest else []
+        quickest = self._finder.quickest(most, options.distance) if shortest else []
         careless = shortest and self._limited and not judged
-        found = [] if careless else [self._made(route) for route in routes]
-        best = max((each for each in found if each.value is not None), key=_value, default=None)
+        tried = [] if careless else [self._made(route) for route in routes]
+        best = max((one for one in tried if one.value is not None), key=_value, default=None)
         if self._limited and not judged and (best is None or not best.easy):
-            careful = self._careful.routes(_ROUTES if quickest else most, _DISTANCE)
+            few = options.routes if quickest else most
+            careful = self._careful.routes(few, options.distance)
             why = self._unheld()
             if why is not None:
-                return Outcome.of(found, why, shortest=shortest)
+                return Outcome.of(tried, why, shortest=shortest)
             routes = careful or routes
-            found += [self._direct(route) for route in routes]
+            tried += [self._direct(route) for route in routes]
         if self.finisher.shaper.hasty and not shortest and (best is None or not best.easy):
-            for calm in _CALM:
-                calmer = self._finder_of(self.values, calm).routes(_ROUTES, _DISTANCE)
-                found += [tried for tried in map(self._spared_route, calmer) if tried is not None]
-        if not shortest and all(each.value is None for each in found):
-            quickest = self._finder.quickest(_ROUTES, _DISTANCE)
-        found += [self._made(route) for route in quickest]
-        if any(each.value is not None for each in found):
-            return Outcome.of(found, None, shortest=shortest)
+            for calm in options.calm:
+                finder = self._finder_of(self.values, calm)
+                calmer = finder.routes(options.routes, options.distance)
+                tried += [one for one in map(self._spared_route, calmer) if one is not None]
+        if not shortest and all(one.value is None for one in tried):
+            quickest = self._finder.quickest(options.routes, options.distance)
+        tried += [self._made(route) for route in quickest]
+        if any(one.value is not None for one in tried):
+            return Outcome.of(tried, None, shortest=shortest)
         more, why = self._spared_of(routes) if forceful else ([], self._too_fast())
-        why = why or program_failed(Outcome.of(found, None, shortest=shortest).tried[0].shaped)
-        return Outcome.of(found + more, why, shortest=shortest)
+        why = why or program_failed(Outcome.of(tried, None, shortest=shortest).tried[0].shaped)
+        return Outcome.of(tried + more, why, shortest=shortest)
 
     @cached_property
     def _judged(self) -> list[tuple[LimitUse, Route]]:
-        """All routes and what strains them most at the knots asked for, where torques or
-        accelerations have to keep limits and arms have no choice but of a few branches: the best
-        within limits first, then those that break them least. The shortest asks for the latter.
+        """All routes of arms whose only choice is between a few branches, with the limit that each
+        strains most at the knots asked for: the best within limits first, then those that break
+        them least; where the shortest is sought these alone. None without such limits.
         """
         finisher = self.finisher
-        routes = self._finder.every(_EVERY) if finisher.shaper.forceful else []
+        routes = self._finder.every(self.options.every) if finisher.shaper.forceful else []
         if not routes:
             return []
-        course, found = finisher.course(finisher.path.knots), []
+        course, judged = finisher.course(finisher.path.knots), []
         for route in routes:
             q = finisher.closed(self._finder.postures(route), self.course)
             q = finisher.closed(interpolated(self.course.phases, q, course.phases), course)
             strain = largest_strain(self._model, finisher.drive, course, q, self.duration)
-            found.append((strain, route))
+            judged.append((strain, route))
         enough = 0.0 if finisher.shaper.shortest else 1.0 + HELD
-        return sorted(found, key=lambda each: max(each[0].times, enough))
+        return sorted(judged, key=lambda one: max(one[0].times, enough))
 
     def wanted(self, q: Array, duration: float) -> EndConditions:
-        """What a motion, (n, N), has to keep."""
+        """End conditions of a motion, (n, N)."""
         # A joint without limits may end some turns on.
         last = np.where(np.isfinite(self.held.last), q[-1], np.nan)
         return EndConditions(duration, self.held.first, last, self.finisher.path.closed)
 
     def _unheld(self) -> Obstruction | None:
-        """Where no posture at all holds the object at rest, if that is asked."""
+        """The layer where no posture at all holds the object at rest, if that is asked."""
         held = np.flatnonzero(self._model.cell.held_knots(len(self.course)))
         if not len(held):
             return None
@@ -245,8 +252,8 @@ class CandidateSearch:
         return unheld(self.course, k, self.duration, most.reason, sure=sure or most.sure)
 
     def _shares(self, k: int, q: Array) -> Array:
-        """The largest share of a limit with which postures, (count, N), hold the object at rest at
-        layer k, (count,); ∞ where none of the contacts' wrenches does.
+        """Largest shares of torque limits with which postures, (count, N), hold the object at rest
+        at layer k, (count,); ∞ where no contact wrenches do.
         """
         capacity = self.finisher.drive.capacity
         assert capacity is not None
@@ -255,8 +262,8 @@ class CandidateSearch:
         return np.where(np.isfinite(shares), shares, np.inf)
 
     def _made(self, route: Route) -> Candidate:
-        """What a program makes of a route, by way of the best motion without limits of torques and
-        accelerations: routes to the same of those are one.
+        """The motion of a route, by way of the best one without limits of torques and
+        accelerations: routes that lead to the same of those are one.
         """
         stage("shaping the motion")
         finisher, course = self.finisher, self.course
@@ -271,10 +278,10 @@ class CandidateSearch:
             if same_motion(loose.q, other):
                 return replace(made, route=route)
         strain = largest_strain(self._model, finisher.drive, course, loose.q, loose.duration)
-        found, easy = loose, strain.times <= 1
+        shaped, easy = loose, strain.times <= 1
         if not easy:
-            found = finisher.shaper.shaped(course, loose.q, wanted, roughly=True)
-        made = replace(self._valued(route, found), easy=easy)
+            shaped = finisher.shaper.shaped(course, loose.q, wanted, roughly=True)
+        made = replace(self._valued(route, shaped), easy=easy)
         if made.value is None:
             _, spared = self._spared(route, loose.q)
             made = made if spared is None else spared
@@ -284,70 +291,74 @@ class CandidateSearch:
         return made
 
     def _direct(self, route: Route) -> Candidate:
-        """What a program makes of a route itself."""
+        """The motion of a route itself."""
         stage("shaping the motion")
         q = self.finisher.closed(self._finder.postures(route), self.course)
         wanted = self.wanted(q, self.duration)
         shaped = self.finisher.shaper.shaped(self.course, q, wanted, roughly=True, met=self._met)
         return self._valued(route, shaped)
 
-    def _valued(self, route: Route, found: OptimisedMotion) -> Candidate:
-        if not found.converged:
-            return Candidate(route, found, None)
-        tried = Candidate(route, found, self.finisher.value(self.course, found.q, found.duration))
+    def _valued(self, route: Route, shaped: OptimisedMotion) -> Candidate:
+        if not shaped.converged:
+            return Candidate(route, shaped, None)
+        tried = Candidate(
+            route, shaped, self.finisher.value(self.course, shaped.q, shaped.duration)
+        )
         self.tried.append(tried)
         return tried
 
     def _spared_of(self, routes: Sequence[Route]) -> tuple[list[Candidate], Obstruction | None]:
-        """Motions by way of some that spare torques and accelerations, and why there are none."""
-        even = self._careful.evenest(_EVEN, _DISTANCE) if self._limited else []
+        """Motions by way of ones that spare torques and accelerations, or why there are none."""
+        few, distance = self.options.even, self.options.distance
+        even = self._careful.evenest(few, distance) if self._limited else []
         ends = [
             self._spared(route, self.finisher.closed(self._finder.postures(route), self.course))
-            for route in [*even, *routes[:_EVEN]]
+            for route in [*even, *routes[:few]]
         ]
-        found = [tried for _, tried in ends if tried is not None]
+        motions = [tried for _, tried in ends if tried is not None]
         strains = [strain for strain, _ in ends if strain is not None]
         least = min(strains, key=lambda strain: strain.times, default=None)
         if least is None or least.times <= 1 + HELD:
-            return found, None
-        return found, overloaded(self._model, self.course, self.duration, least)
+            return motions, None
+        return motions, overloaded(self._model, self.course, self.duration, least)
 
     def _spared_route(self, route: Route) -> Candidate | None:
         q = self.finisher.closed(self._finder.postures(route), self.course)
         return self._spared(route, q)[1]
 
     def _spared(self, route: Route, q: Array) -> tuple[LimitUse | None, Candidate | None]:
-        """What strains the motion near a route's, (n, N), that spares torques and accelerations
-        most, and what a program makes of it where that is within the limits.
+        """The limit strained most by the motion near a route's, (n, N), that spares torques and
+        accelerations most, and the best motion near that where it is within the limits.
         """
         stage("sparing torques")
-        finisher, course = self.finisher, self.course
-        wanted = self.wanted(q, self.duration * (_EASY if finisher.shaper.shortest else 1.0))
+        finisher, course, options = self.finisher, self.course, self.options
+        times = options.easy if finisher.shaper.shortest else 1.0
+        wanted = self.wanted(q, self.duration * times)
         if finisher.shaper.hasty:
-            calm = finisher.shaper.loose(course, q, wanted, calm=_VERY_CALM)
+            calm = finisher.shaper.loose(course, q, wanted, calm=options.very_calm)
             q = calm.q if calm.converged else q
-        found = finisher.shaper.sparing(course, q, wanted)
-        if not found.converged or found.share is None:
+        sparing = finisher.shaper.sparing(course, q, wanted)
+        if not sparing.converged or sparing.share is None:
             return None, None
-        strain = largest_strain(self._model, finisher.drive, course, found.q, found.duration)
+        q, duration = sparing.q, sparing.duration
+        strain = largest_strain(self._model, finisher.drive, course, q, duration)
         # As it is reported a motion may strain them more: finishing tightens the program for that.
-        strain = replace(strain, times=found.share)
+        strain = replace(strain, times=sparing.share)
         if strain.times > 1 + HELD:
             return strain, None
-        wanted = self.wanted(found.q, found.duration)
-        shaped = finisher.shaper.shaped(course, found.q, wanted, roughly=True)
+        shaped = finisher.shaper.shaped(course, q, self.wanted(q, duration), roughly=True)
         return strain, self._valued(route, shaped)
 
     def _too_fast(self) -> Obstruction | None:
-        """That the shortest motions of the quickest routes last longer than is asked for."""
+        """The obstruction that the shortest motions of the quickest routes last too long."""
         if self.finisher.shaper.shortest:
             return None
         shortest = [np.inf]
-        for route in self._finder.quickest(_ROUTES, _DISTANCE):
+        for route in self._finder.quickest(self.options.routes, self.options.distance):
             q = self.finisher.closed(self._finder.postures(route), self.course)
             wanted = self.wanted(q, self.duration)
-            found = self.finisher.shaper.quickest(self.course, q, wanted)
-            shortest += [found.duration] if found.converged else []
+            motion = self.finisher.shaper.quickest(self.course, q, wanted)
+            shortest += [motion.duration] if motion.converged else []
         least = min(shortest)
         if not self.duration < least < np.inf:
             return None

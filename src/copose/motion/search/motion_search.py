@@ -1,4 +1,4 @@
-"""One motion in the making: routes, what programs make of them, and the best."""
+"""The search for a motion: roadmaps, routes through them, their programs, and the best motion."""
 
 from __future__ import annotations
 
@@ -8,24 +8,15 @@ from functools import partial
 
 import numpy as np
 
-from copose.cell.dynamics import HELD
 from copose.cell.notes import best_so_far
-from copose.motion.dynamics.limit_use import holding_shares
-from copose.motion.dynamics.rate_bounds import outrun
 from copose.motion.graph.node_values import NodeValues
 from copose.motion.graph.roadmap import Roadmap
 from copose.motion.nlp.constraint_generation import same_motion
 from copose.motion.path.knots import Course
 from copose.motion.search.candidates import Candidate, CandidateSearch, Ends, Outcome
-from copose.motion.search.obstruction import (
-    Obstruction,
-    disconnected,
-    dropped,
-    not_started,
-    outpaced,
-    uncarried,
-)
-from copose.motion.search.refinement import Finished, Refiner
+from copose.motion.search.obstruction import Obstruction, disconnected, not_started
+from copose.motion.search.preconditions import refuted
+from copose.motion.search.refinement import CheckedMotion, Refiner
 from copose.motion.search.result import Answer
 from copose.poses import Array
 from copose.posture.model import PostureModel
@@ -35,74 +26,71 @@ from copose.problem import PathSpec
 from copose.progress import StoppedError, attained, sheltered, stage
 from copose.results import Motion, PathSearchRecord, RouteRecord
 
-# Layers of the graph, at least.
-_LAYERS = 25
-# The same where the object stays and arms may go far along their self-motions.
-_STILL_LAYERS = 81
-# The same where the object stays and arms have no posture to start or end in either.
-_FREE_LAYERS = 5
-# Layers of the graph, at most.
-_MOST_LAYERS = 201
-# How far the object moves between two layers, at most, m.
-_APART = 0.05
-# How many times finer postures are looked at again where an arm does not go through.
-_FINER = 4
-# Share of an arm's postures below which bodies leave it little.
-_LITTLE = 0.5
-# Every so many layers are looked at for that.
-_TOLD = 4
-# The same where bodies in the way take parts of self-motions, one after the other until there is a
-# motion; where they leave little of an arm's, the last at once.
-_AMONG_BODIES = (2, 4)
-# By how much a motion may fall behind what another route promises, relative.
-_FALLS = 0.01
-# How much longer than the graph's shortest a motion lasts at first, and how far joints go that
-# torques or accelerations limit, rad or m, about.
-_FROM, _TRAVEL = 1.05, 1.0
-# Longer durations that are tried, each twice the one before, where the object stays.
-_SLOWER = 3
-# Of the motions known when the planner has to end, so many are asked whether they are an answer.
-_ASKED = 2
+
+@dataclass(frozen=True)
+class MakingOptions:
+    """Options of the search for a motion."""
+
+    layers: int = 25  # of the graph, at least
+    still_layers: int = 81  # the same where the object stays: arms go far along self-motions
+    free_layers: int = 5  # the same where arms have no posture to start or to end in either
+    most_layers: int = 201  # of the graph, at most
+    apart: float = 0.05  # most that the object moves between two layers, m
+    finer: int = 4  # times finer postures with which an arm that does not go through is followed
+    little: float = 0.5  # part of an arm's postures below which bodies leave it little
+    told: int = 4  # layers of which one is looked at for that
+    # Times finer postures where bodies take parts of self-motions, one after the other until there
+    # is a motion; where they leave little of an arm's, the last at once.
+    among_bodies: tuple[int, ...] = (2, 4)
+    falls: float = 0.01  # relative, by which a motion may fall behind what another route promises
+    longer: float = 1.05  # times the graph's shortest duration that a motion lasts at first
+    travel: float = 1.0  # that joints go which torques or accelerations limit, rad or m, about
+    slower: int = 3  # longer durations tried where the object stays, each twice the one before
+    asked: int = 2  # motions known when the planner has to end that are checked
 
 
 @dataclass
 class _SoFar:
-    """What a motion in the making has come to."""
+    """Intermediate results of a search, for a call that has to end early."""
 
     course: Course | None = None
     roadmaps: list[Roadmap] = field(default_factory=list)
     combinations: int = 0
     trial: CandidateSearch | None = None
-    finished: Finished | None = None
+    finished: CheckedMotion | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class MotionSearch:
-    """One motion in the making.
+    """The search for one motion.
 
     Attributes:
-        finisher: makes motions.
+        finisher: refines motions.
         answer: puts results together.
         seed: of everything that is drawn.
+        options: of the search.
     """
 
     finisher: Refiner
     answer: Answer
     seed: int
+    options: MakingOptions = MakingOptions()
 
     @property
     def path(self) -> PathSpec:
-        """What is asked."""
+        """The path as asked."""
         return self.finisher.path
 
     @property
     def model(self) -> PostureModel:
-        """What searches and measures postures."""
+        """The model that searches and measures postures."""
         return self.finisher.model
 
     def motion(self, ends: Ends | None) -> Motion:
-        """Find routes, make motions of them, and take the best; the best so far where the call has
-        to end.
+        """The best motion; the best so far where the call has to end.
+
+        Args:
+            ends: postures to begin and to end with in place of the file's ``start``.
         """
         so_far = _SoFar()
         try:
@@ -117,45 +105,46 @@ class MotionSearch:
         Raises:
             StoppedError: there is none yet.
         """
-        trial, found = so_far.trial, so_far.finished
+        trial, motion = so_far.trial, so_far.finished
         if trial is None or so_far.course is None:
             raise stop
         tried = Outcome.of(trial.tried, None, shortest=self.finisher.shaper.shortest).tried
-        for each in tried[:_ASKED]:
-            found = found or self.finisher.unfinished(each.shaped)
-        if found is None:
+        for candidate in tried[: self.options.asked]:
+            motion = motion or self.finisher.unfinished(candidate.shaped)
+        if motion is None:
             raise stop
         record = self._record(so_far.course, so_far.roadmaps, so_far.combinations, tried)
         self.answer.notes.append(best_so_far(stop))
-        return self.answer.solved(self.model, self.finisher.journey, found, record)
+        return self.answer.solved(self.model, self.finisher.journey, motion, record)
 
     def _motion(self, ends: Ends | None, so_far: _SoFar) -> Motion:
-        journey = self.finisher.journey
+        journey, options = self.finisher.journey, self.options
         held = self._started() if ends is None else ends
         if isinstance(held, Obstruction):
             return self.answer.stopped(held, None)
-        layers = int(np.ceil(journey.fastest / _APART)) + 1
-        fewest = _LAYERS
+        layers = int(np.ceil(journey.fastest / options.apart)) + 1
+        fewest = options.layers
         if journey.still:
             known = np.isfinite(held.first) | np.isfinite(held.last)
-            fewest = _STILL_LAYERS if known.any() else _FREE_LAYERS
-        course = self.finisher.course(min(max(layers, fewest), _MOST_LAYERS))
-        why = self._uncarried(course) or self._dropped(course, held) or self._outpaced(course)
+            fewest = options.still_layers if known.any() else options.free_layers
+        course = self.finisher.course(min(max(layers, fewest), options.most_layers))
+        why = refuted(self.finisher, course, held, self.answer.duration)
         if why is not None:
             return self.answer.stopped(why, None)
         so_far.course = course
-        fineness = _AMONG_BODIES if self._bodies_matter else (1,)
+        fineness = options.among_bodies if self._bodies_matter else (1,)
         for finer in fineness:
             # Nobody has said how long it may take where there is no path.
-            slower = _SLOWER if finer == fineness[-1] and self.answer.problem.path is None else 0
-            found, record = self._searched(course, held, so_far, finer, slower)
-            if isinstance(found, Finished) or found.status == "infeasible":
+            still = self.answer.problem.path is None
+            slower = options.slower if finer == fineness[-1] and still else 0
+            motion, record = self._searched(course, held, so_far, finer, slower)
+            if isinstance(motion, CheckedMotion) or motion.status == "infeasible":
                 break
-        if isinstance(found, Obstruction):
-            return self.answer.stopped(found, record)
-        # All is found: only the record is left to be made.
+        if isinstance(motion, Obstruction):
+            return self.answer.stopped(motion, record)
+        # The search is over: only the record is left to be made.
         with sheltered():
-            return self.answer.solved(self.model, journey, found, record)
+            return self.answer.solved(self.model, journey, motion, record)
 
     @property
     def _bodies_matter(self) -> bool:
@@ -166,9 +155,15 @@ class MotionSearch:
 
     def _searched(
         self, course: Course, held: Ends, so_far: _SoFar, finer: int, slower: int
-    ) -> tuple[Finished | Obstruction, PathSearchRecord]:
-        """The best motion through a graph so fine, or what stands in the way, in as many longer
-        durations too.
+    ) -> tuple[CheckedMotion | Obstruction, PathSearchRecord]:
+        """The best motion through one graph, or what stands in the way.
+
+        Args:
+            course: the graph's layers.
+            held: where the motion begins and ends.
+            so_far: where intermediate results are kept.
+            finer: how many times nearer to each other postures are than they need be.
+            slower: how many longer durations are tried.
         """
         so_far.roadmaps = []
         roadmaps = so_far.roadmaps
@@ -197,44 +192,14 @@ class MotionSearch:
         return self._finished(outcome.tried, trial, so_far), record
 
     def _reckoned(self, least: float) -> float:
-        """S that the shortest motion is reckoned to last, which speeds alone allow in so many."""
-        forced = float(np.sqrt(_TRAVEL / self.finisher.drive.briskness))
-        return max(_FROM * least if least < np.inf else 0.0, forced) or 1.0
-
-    def _uncarried(self, course: Course) -> Obstruction | None:
-        """Where torques have to keep limits and no contact wrenches carry the object at all."""
-        moving = self.model.cell.dynamic_torque
-        if not (self.model.static or moving):
-            return None
-        k = self.finisher.drive.torques.uncarried(course, moving=moving)
-        if k is None:
-            return None
-        return uncarried(self.model, course, k, self.answer.duration)
-
-    def _outpaced(self, course: Course) -> Obstruction | None:
-        """Where a grasp moves faster than its arm can follow, in the time that is asked for."""
-        duration = self.path.duration
-        if isinstance(duration, str):
-            return None
-        # Differences between knots do not see what rates do there.
-        step = duration / (self.path.knots - 1)
-        found = outrun(self.model.cell, course, duration, step)
-        return None if found is None else outpaced(self.model, course, duration, found)
-
-    def _dropped(self, course: Course, held: Ends) -> Obstruction | None:
-        """Where the posture that the motion has to begin or to end in does not hold the object."""
-        model, capacity = self.model, self.finisher.drive.capacity
-        for k, q in ((0, held.first), (len(course) - 1, held.last)):
-            if not model.cell.held_knots(len(course))[k] or not np.isfinite(q).all():
-                continue
-            assert capacity is not None
-            shares = holding_shares(model, capacity, course, k, q)
-            if shares.max() > 1 + HELD:
-                return dropped(model, course, k, shares)
-        return None
+        """The duration that is reckoned with where the shortest is sought, s; speeds alone allow
+        ``least``.
+        """
+        forced = float(np.sqrt(self.options.travel / self.finisher.drive.briskness))
+        return max(self.options.longer * least if least < np.inf else 0.0, forced) or 1.0
 
     def _started(self) -> Ends | Obstruction:
-        """Where the file has the arms start, closed there."""
+        """The postures that the file has the arms start in, closed there."""
         cell = self.model.cell
         first = np.full(sum(arm.n for arm in cell.arms), np.nan)
         setting = self.finisher.course(2).settings[0]
@@ -251,16 +216,16 @@ class MotionSearch:
     def _follow(
         self, course: Course, held: Ends, roadmaps: list[Roadmap], finer: int
     ) -> Obstruction | None:
-        """Make a roadmap for each arm; what stands in the way where one does not go through."""
+        """Make a roadmap for each arm; an obstruction where one does not go through."""
         cell = self.model.cell
         parts = zip(cell.system.split(held.first), cell.system.split(held.last), strict=True)
         for i, both in enumerate(parts):
             stage(f"following arm {cell.arms[i].name}", i, len(cell.arms))
             start, goal = (q if np.isfinite(q).all() else None for q in both)
             roadmap = self._roadmap(course, i, start, goal, finer)
-            coarse = roadmap.through and roadmap.spare == 1 and finer < _FINER
-            if coarse and self._left(course, i, roadmap) < _LITTLE:
-                roadmap = self._roadmap(course, i, start, goal, _FINER)
+            coarse = roadmap.through and roadmap.spare == 1 and finer < self.options.finer
+            if coarse and self._left(course, i, roadmap) < self.options.little:
+                roadmap = self._roadmap(course, i, start, goal, self.options.finer)
             roadmaps.append(roadmap)
             if roadmap.through:
                 continue
@@ -271,25 +236,29 @@ class MotionSearch:
         return None
 
     def _left(self, course: Course, i: int, roadmap: Roadmap) -> float:
-        """What part of an arm's postures keeps clear of all but the other arms, about; 1 without
-        bodies.
+        """The part of an arm's postures that keeps clear of all but the other arms, about; 1
+        without bodies.
         """
         if self.model.bodies is None:
             return 1.0
-        layers = zip(course.settings[::_TOLD], roadmap.layers[::_TOLD], strict=False)
+        layers = zip(
+            course.settings[:: self.options.told],
+            roadmap.layers[:: self.options.told],
+            strict=False,
+        )
         clear = [alone_clear(setting, i, layer.q) for setting, layer in layers]
         return float(np.mean(np.concatenate(clear)))
 
     def _cut(
         self, course: Course, roadmap: Roadmap, i: int, start: Array | None, goal: Array | None
     ) -> bool:
-        """Whether an arm that does not go through has points for postures, or curves that do not go
-        through when they are followed again, more finely; surfaces are known in part.
+        """True where it is sure that an arm does not go through: its postures are points, or curves
+        that do not go through when they are followed more finely; surfaces are known in part.
         """
         if roadmap.spare != 1:
             return roadmap.spare == 0
         fine = self.finisher.course(2 * len(course) - 1)
-        return not self._roadmap(fine, i, start, goal, _FINER).through
+        return not self._roadmap(fine, i, start, goal, self.options.finer).through
 
     def _roadmap(
         self, course: Course, i: int, start: Array | None, goal: Array | None, finer: int
@@ -300,43 +269,44 @@ class MotionSearch:
 
     def _finished(
         self, tried: Sequence[Candidate], trial: CandidateSearch, so_far: _SoFar
-    ) -> Finished | Obstruction:
+    ) -> CheckedMotion | Obstruction:
         """The best motion, of the next routes too where one falls behind what theirs promise."""
-        best: Finished | Obstruction | None = None
+        best: CheckedMotion | Obstruction | None = None
         known: list[Array] = []
-        for each in tried:
-            if each.value is None:
+        for candidate in tried:
+            if candidate.value is None:
                 break
-            if any(same_motion(each.shaped.q, q) for q in known):
+            shaped = candidate.shaped
+            if any(same_motion(shaped.q, q) for q in known):
                 continue
-            known.append(each.shaped.q)
-            if isinstance(best, Finished) and not self._behind(best, each):
+            known.append(shaped.q)
+            if isinstance(best, CheckedMotion) and not self._behind(best, candidate):
                 break
-            wanted = trial.wanted(each.shaped.q, each.shaped.duration)
-            found = self.finisher.finished(each.shaped, wanted)
+            motion = self.finisher.finished(shaped, trial.wanted(shaped.q, shaped.duration))
             if (
                 best is None
                 or isinstance(best, Obstruction)
-                or (isinstance(found, Finished) and self._better(found, best))
+                or (isinstance(motion, CheckedMotion) and self._better(motion, best))
             ):
-                best = found
-            if isinstance(best, Finished):
+                best = motion
+            if isinstance(best, CheckedMotion):
                 so_far.finished = best
                 attained(best.value)
         assert best is not None
         return best
 
-    def _behind(self, found: Finished, other: Candidate) -> bool:
-        """Whether a motion is worth clearly less than another route's."""
+    def _behind(self, motion: CheckedMotion, other: Candidate) -> bool:
+        """True where a motion is worth clearly less than another route's."""
+        falls = self.options.falls
         if self.finisher.shaper.shortest:
-            return found.duration > (1 + _FALLS) * other.shaped.duration
+            return motion.duration > (1 + falls) * other.shaped.duration
         assert other.value is not None
-        return found.value < other.value - _FALLS * (1 + abs(other.value))
+        return motion.value < other.value - falls * (1 + abs(other.value))
 
-    def _better(self, found: Finished, best: Finished) -> bool:
+    def _better(self, motion: CheckedMotion, best: CheckedMotion) -> bool:
         if self.finisher.shaper.shortest:
-            return found.duration < best.duration
-        return found.value > best.value
+            return motion.duration < best.duration
+        return motion.value > best.value
 
     def _record(
         self,
@@ -352,7 +322,7 @@ class MotionSearch:
             nodes={arm.name: roadmap.count for arm, roadmap in zip(arms, roadmaps, strict=False)},
             combinations=combinations,
             routes=tuple(
-                RouteRecord(graph=each.route.worth, value=each.value, status=each.shaped.status)
-                for each in tried
+                RouteRecord(graph=one.route.worth, value=one.value, status=one.shaped.status)
+                for one in tried
             ),
         )

@@ -1,4 +1,4 @@
-"""What keeps a motion from going on: when, which arm, and what gives out."""
+"""Obstructions: why there is no motion, told by time, arm and what gives out."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from copose.motion.dynamics.limit_use import LimitUse
 from copose.motion.dynamics.rate_bounds import Outrun
 from copose.motion.graph.roadmap import Roadmap
 from copose.motion.graph.routes import RouteFinder
-from copose.motion.nlp.constraint_generation import OptimisedMotion
+from copose.motion.nlp.motion_nlp import OptimisedMotion
 from copose.motion.path.knots import Course
 from copose.poses import Array
 from copose.posture.model import PostureModel
@@ -25,24 +25,22 @@ from copose.self_motion.misses.nearest_miss import nearest_miss
 from copose.self_motion.projection import CLOSED, project
 from copose.self_motion.sampling import ArmSampler
 
-_DRAWN = 64
-
 
 @dataclass(frozen=True)
 class Obstruction:
-    """Why there is no motion."""
+    """The status of a problem without a motion, and why there is none."""
 
     status: Literal["infeasible", "failed"]
     reason: str
 
 
 def _obstruction(reason: str, *, sure: bool) -> Obstruction:
-    """No motion, for a reason that holds, or one that a search came to."""
+    """No motion: infeasible for a reason that is sure, failed for one that a search came to."""
     return Obstruction("infeasible" if sure else "failed", reason)
 
 
 def not_started(model: PostureModel, setting: Setting, i: int) -> Obstruction:
-    """The start of arm i holds nothing."""
+    """The start of arm i cannot be closed."""
     cell, arm = setting.cell, setting.cell.arms[i]
     sure = excluded(
         arm, model.arms[i], cell.lower[i], cell.upper[i], setting.placement.goals[i],
@@ -61,9 +59,19 @@ def disconnected(
     seed: int,
     *,
     surely: Callable[[], bool],
+    drawn: int = 64,
 ) -> Obstruction:
-    """Where an arm's postures end, or their moves; ``surely`` tells of the latter whether they end
-    there however finely one looks.
+    """An arm's postures end, or the moves between them.
+
+    Args:
+        model: what is built.
+        course: the layers.
+        roadmap: of the arm.
+        i: the arm.
+        duration: s.
+        seed: of what is drawn.
+        surely: tells whether moves end there however finely one looks.
+        drawn: postures that are sampled where it ends.
     """
     reached, name = roadmap.reached(), model.cell.arms[i].name
     stop = next((k for k, mask in enumerate(reached) if not mask.any()), len(reached))
@@ -81,7 +89,7 @@ def disconnected(
     effort = EFFORTS["normal"]
     sampler = ArmSampler(model.cell, model.arms[i], i, goal)
     rng = np.random.default_rng([seed, i, 1])
-    sample = sampler.sample(rng, effort.batch, effort.batches, _DRAWN, effort.insistence)
+    sample = sampler.sample(rng, effort.batch, effort.batches, drawn, effort.insistence)
     if len(sample.closed):
         sure = surely()
         how = "can be" if sure else "was"
@@ -95,7 +103,7 @@ def disconnected(
 
 
 def _miss(model: PostureModel, i: int, goal: Array, missed: Array) -> str:
-    """Which of reach and joint limits keeps an arm from its grasp."""
+    """What keeps an arm from its grasp: its reach, or a joint limit."""
     cell, kernels = model.cell, model.arms[i]
     residual, _ = kernels.residual(missed[:1], goal)
     by = 1e3 * float(np.linalg.norm(residual[0, : len(cell.system.space.linear)]))
@@ -134,7 +142,7 @@ def blocked(
     finder: RouteFinder,
     duration: float,
 ) -> Obstruction:
-    """Where no combination of the arms' postures serves, though each arm alone goes through."""
+    """No combination of the arms' postures serves, though each arm alone goes through."""
     constraints = model.cell.problem.constraints
     what = " and ".join(
         (["keep the clearance"] if constraints.collision else [])
@@ -171,9 +179,7 @@ def too_fast(
     duration: float,
     least: float,
 ) -> Obstruction:
-    """That joints would have to be faster than they can be; the shortest motion found takes
-    ``least``, s.
-    """
+    """Joints would have to be faster than they can be; the shortest motion takes ``least``, s."""
     arm, joint, k = finder.slowest()
     name = model.cell.arms[arm]
     return _obstruction(
@@ -184,13 +190,13 @@ def too_fast(
     )
 
 
-def outpaced(model: PostureModel, course: Course, duration: float, found: Outrun) -> Obstruction:
+def outpaced(model: PostureModel, course: Course, duration: float, grasp: Outrun) -> Obstruction:
     """A grasp moves faster than its arm can follow in any posture."""
-    name = model.cell.arms[found.arm].name
+    name = model.cell.arms[grasp.arm].name
     return _obstruction(
-        f"arm {name!r}, {_time(course, found.knot, duration)}: its grasp goes {found.asked:.3g} "
-        f"{found.unit}, and its joints at their limits bring it along with {found.most:.3g} at "
-        f"most, whatever the posture; {duration:.3g} s is too short ({found.what})",
+        f"arm {name!r}, {_time(course, grasp.knot, duration)}: its grasp goes {grasp.asked:.3g} "
+        f"{grasp.unit}, and its joints at their limits bring it along with {grasp.most:.3g} at "
+        f"most, whatever the posture; {duration:.3g} s is too short ({grasp.what})",
         sure=True,
     )
 
@@ -235,7 +241,7 @@ def overloaded(
     *,
     judged: int = 0,
 ) -> Obstruction:
-    """What limit the motions that spare them most still break, and by how much at best.
+    """Even the motion that spares limits most breaks one.
 
     Args:
         model: whose arms they are.
@@ -266,15 +272,15 @@ def unfound(stop: StoppedError) -> Obstruction:
     return Obstruction("failed", f"{stop}: no motion was found yet")
 
 
-def program_failed(found: OptimisedMotion) -> Obstruction:
-    """How the program of the most promising route ended: no proof that there is no motion."""
-    name, knot, by = found.violated
-    when = found.duration * knot / max(len(found.q) - 1, 1)
+def program_failed(motion: OptimisedMotion) -> Obstruction:
+    """The program of the most promising route failed: no proof that there is no motion."""
+    name, knot, by = motion.violated
+    when = motion.duration * knot / max(len(motion.q) - 1, 1)
     where = f", {when:.3g} s: {name} broken by {by:.2g}" if name else ""
     return Obstruction(
         "failed",
         "no route through the graph became a motion that keeps all constraints; the program of the "
-        f"most promising ended with {found.status}{where}",
+        f"most promising ended with {motion.status}{where}",
     )
 
 
@@ -288,7 +294,7 @@ def opens(error: float, count: int) -> Obstruction:
 
 
 def _pose(k: int) -> str:
-    """The end of a path that a knot is, whose time is not known yet."""
+    """The end of a path at knot k, whose time is not known yet."""
     return "the first pose" if k == 0 else "the last pose"
 
 

@@ -15,7 +15,7 @@ from copose.results import Solution
 
 @dataclass(frozen=True, eq=False)
 class Aim:
-    """Where a motion without a path goes.
+    """The goal of a motion without a path.
 
     Attributes:
         solution: of the posture problem.
@@ -29,14 +29,14 @@ class Aim:
 
 
 def aim(problem: Problem, seed: int | None) -> Aim:
-    """The best posture, or the best that can be reached without letting go."""
+    """The best posture, or the best one that can be reached without letting go, as a goal."""
     solution = Planner(problem).solve(seed=seed)
     reachable = solution.reachable_from_start
     if solution.after is not None and reachable is not True and not problem.search.reachable:
         within = problem.search.model_copy(update={"reachable": True})
-        other = problem.model_copy(update={"search": within})
-        other._source = problem.source
-        solution = Planner(other).solve(seed=seed)
+        restricted = problem.model_copy(update={"search": within})
+        restricted._source = problem.source
+        solution = Planner(restricted).solve(seed=seed)
     if solution.after is None or solution.before is None:
         return Aim(solution, None, reachable)
     first, last = (_stacked(posture.joints) for posture in (solution.before, solution.after))

@@ -1,4 +1,4 @@
-"""A motion put together into a result."""
+"""The result of planning a motion, put together from what was found."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from copose.motion.dynamics.least_norm import tracked
 from copose.motion.path.knots import Course
 from copose.motion.path.object_motion import ObjectMotion
 from copose.motion.search.obstruction import Obstruction
-from copose.motion.search.refinement import Finished
+from copose.motion.search.refinement import CheckedMotion
 from copose.objectives.objective import Objective
 from copose.poses import Array
 from copose.posture.model import PostureModel
@@ -36,7 +36,7 @@ from copose.version import __version__
 
 @dataclass
 class Answer:
-    """What is the same in every answer to a path.
+    """The parts that all results for one path share.
 
     Attributes:
         problem: as asked.
@@ -69,7 +69,7 @@ class Answer:
             self.notes.append("object.velocity does not enter: the path says how the object moves")
 
     def aimed(self, reachable: bool | None) -> None:
-        """Whether the best posture, to which the motion goes, can be reached."""
+        """Note whether the best posture, to which the motion goes, can be reached."""
         self.reachable = reachable
         if reachable is False:
             self.notes.insert(
@@ -79,25 +79,24 @@ class Answer:
             )
 
     def stopped(self, why: Obstruction, search: PathSearchRecord | None) -> Motion:
-        """No motion, and why."""
+        """The result without a motion, and why."""
         return self._motion(status=why.status, reason=why.reason, search=search)
 
     def solved(
         self,
         model: PostureModel,
         journey: ObjectMotion,
-        found: Finished,
+        motion: CheckedMotion,
         search: PathSearchRecord,
     ) -> Motion:
-        """A motion."""
-        course, duration, seen = found.course, found.duration, found.seen
-        q, driven = seen.q, seen.driven
+        """The result with a motion, measured at every knot."""
+        course, duration, q, driven = motion.course, motion.duration, motion.q, motion.driven
         names = [arm.name for arm in self.cell.arms]
         knots, values = [], []
         notes: list[str] = []
         extremes = []
         for k, setting in enumerate(course.settings):
-            measured = model.measure(setting, [mine[k] for mine in q])
+            measured = model.measure(setting, [joints[k] for joints in q])
             posture = measured.posture
             given = {key: getattr(posture, key) for key in posture.model_fields_set}
             values.append(measured.value)
@@ -132,15 +131,15 @@ class Answer:
             after=self._aggregate(values),
             time=vector(course.phases * duration),
             knots=tuple(knots),
-            between_knots_error=seen.error,
-            collision=seen.distance,
+            between_knots_error=motion.error,
+            collision=motion.distance,
             least_norm=tracking,
             search=search,
             links=model.links,
         )
 
     def _unheeded(self) -> list[str]:
-        """What the motion keeps and least-norm tracking need not."""
+        """Limits that the motion keeps and least-norm tracking need not."""
         constraints = self.problem.constraints
         joints = [joint for arm in self.cell.arms for joint in arm.joints]
         kept = {
@@ -158,14 +157,15 @@ class Answer:
         q: Sequence[Array],
         duration: float,
     ) -> tuple[float | None, TrackingRecord]:
-        """What least-norm tracking from the first posture comes to."""
-        first = [mine[0] for mine in q]
-        found = tracked(model, journey, first, len(course), duration)
+        """The aggregate and record of least-norm tracking from the first posture."""
+        first = [joints[0] for joints in q]
+        motion = tracked(model, journey, first, len(course), duration)
         values: list[float | None] = [None] * len(course)
-        for k, (setting, here) in enumerate(zip(course.settings, found.q, strict=False)):
-            value = float(model.objectives(setting, here[None])[0])
+        for k, (setting, posture) in enumerate(zip(course.settings, motion.q, strict=False)):
+            value = float(model.objectives(setting, posture[None])[0])
             values[k] = value if np.isfinite(value) else None
-        return self._aggregate(values), TrackingRecord(objective=tuple(values), reason=found.reason)
+        record = TrackingRecord(objective=tuple(values), reason=motion.reason)
+        return self._aggregate(values), record
 
     def _aggregate(self, values: Sequence[float | None]) -> float | None:
         known = [value for value in values if value is not None]
