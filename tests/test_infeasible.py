@@ -14,7 +14,8 @@ from copose.cell.cell import Cell
 from copose.motion.graph.dynamic_programming import Lattice, Moves
 from copose.motion.graph.routes import RouteCost, RouteFinder
 from copose.posture.model import PostureModel
-from copose.robots.reach_bounds import ReachBound, excluded
+from copose.robots.reach_bounds import ReachBound
+from copose.self_motion.misses.branch_and_bound import excluded
 from copose.self_motion.sampling import ArmSample, ArmSampler
 from path_problems import single_hinged
 

@@ -18,7 +18,8 @@ from cells import closed_postures, planar, random_cell, tables, two_pandas
 from copose.cell.cell import Cell
 from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum
-from copose.posture.reachable.reachability import component, rails_of, reachable
+from copose.posture.reachable.components import component, rails_of
+from copose.posture.reachable.reachability import reachable
 from copose.posture.reachable.search import ReachableSet
 from copose.posture.search.global_search import EFFORTS, Found
 from copose.problem import parse

@@ -1,4 +1,4 @@
-"""A rigid placement as plain numbers."""
+"""Rigid placements and rotations as plain numbers: matrices, quaternions, angles, vectors."""
 
 from __future__ import annotations
 
@@ -12,9 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 Indices: TypeAlias = NDArray[np.intp]
-
-# Angles that are so near to ±90°, or to −180°, count as if they were, rad.
-_UPRIGHT = 1e-6
 
 
 def frozen_array(values: ArrayLike) -> Array:
@@ -42,6 +39,35 @@ def rotation_rows(quaternion: Any) -> list[list[Any]]:
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
+
+
+def conjugate(quaternion: Array) -> Array:
+    """The quaternion [w, x, y, z] of the rotation back, (4,)."""
+    return np.asarray(quaternion * np.array([1.0, -1.0, -1.0, -1.0]))
+
+
+def rotation_vector(quaternion: ArrayLike) -> Array:
+    """Axis times shortest angle, rad, of the rotation of a unit quaternion [w, x, y, z], (3,)."""
+    w, *v = np.asarray(quaternion)
+    if w < 0:
+        w, v = -w, [-x for x in v]
+    size = np.linalg.norm(v)
+    if size < 1e-300:
+        return np.zeros(3)
+    return np.asarray(np.array(v) / size * 2 * np.arctan2(size, w))
+
+
+def turn_quaternions(vectors: Array) -> Array:
+    """Unit quaternions [w, x, y, z], (..., 4), of rotation vectors, rad, (..., 3)."""
+    angle = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    # sin(θ/2)/θ, without a quotient of zeros.
+    return np.concatenate([np.cos(angle / 2), np.sinc(angle / (2 * np.pi)) / 2 * vectors], axis=-1)
+
+
+def skew(vector: Array) -> Array:
+    """The matrix S(v) with S(v) a = v × a, (3, 3)."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +110,7 @@ class Pose:
 
     @classmethod
     def from_quaternion(cls, position: ArrayLike, quaternion: ArrayLike) -> Pose:
-        """By a quaternion [w, x, y, z] of any norm above zero."""
+        """A pose by its quaternion [w, x, y, z], of any norm above zero."""
         unit = np.asarray(quaternion, dtype=float)
         unit = unit / np.linalg.norm(unit)
         return cls.make(position, rotation_rows(unit), unit)
@@ -115,14 +141,16 @@ class Pose:
 
     @property
     def plain_rpy(self) -> Array:
-        """The same, (3,), with yaw 0 at pitches of ±90°, where only roll ∓ yaw is known, and π in
-        place of −π: equal frames have equal numbers.
+        """Roll, pitch, yaw that are equal for equal frames, (3,).
+
+        At pitches of ±90°, where only roll ∓ yaw is known, yaw is 0; and −π is written as π.
         """
+        near = 1e-6  # to ±90° or −180°, rad
         roll, pitch, yaw = self.rpy
-        if abs(abs(pitch) - np.pi / 2) <= _UPRIGHT:
+        if abs(abs(pitch) - np.pi / 2) <= near:
             roll, yaw = roll - np.copysign(1.0, pitch) * yaw, 0.0
         angles = np.pi - np.mod(np.pi - np.array([roll, pitch, yaw]), 2 * np.pi)
-        return np.where(angles < _UPRIGHT - np.pi, angles + 2 * np.pi, angles)
+        return np.where(angles < near - np.pi, angles + 2 * np.pi, angles)
 
     def __matmul__(self, other: Pose) -> Pose:
         return Pose.make(
@@ -146,5 +174,5 @@ class Pose:
 
     def inverse(self) -> Pose:
         """Placement of A in B."""
-        conjugate = self.quaternion * np.array([1.0, -1.0, -1.0, -1.0])
-        return Pose.make(-self.rotation.T @ self.position, self.rotation.T, conjugate)
+        position, quaternion = -self.rotation.T @ self.position, conjugate(self.quaternion)
+        return Pose.make(position, self.rotation.T, quaternion)

@@ -11,8 +11,9 @@ import numpy as np
 
 from copose.cell.cell import Cell
 from copose.mechanics import System
+from copose.mechanics.chain import multiply_quaternions
 from copose.mechanics.held_object import N_PARAMETERS
-from copose.poses import Array, quaternion_product
+from copose.poses import Array
 from copose.problem import PlanarObject, Problem, displaced
 from copose.results import Solution
 from copose.robots.reach_bounds import ReachBound
@@ -162,7 +163,7 @@ class Freedom:
         quaternion = given[3:7]
         if any(("object", None, name) in where for name in angles):
             yaw, pitch, roll = (_about(rpy[k], k) for k in (2, 1, 0))
-            quaternion = _product(_product(yaw, pitch), roll)
+            quaternion = multiply_quaternions(multiply_quaternions(yaw, pitch), roll)
         parts = [given[:3] + offset("object", None, "xyz"), quaternion, given[7:N_PARAMETERS]]
         first = N_PARAMETERS
         for what in ("base", "grasp"):
@@ -172,7 +173,8 @@ class Freedom:
                 position, turn = given[first : first + 3], given[first + 3 : first + 7]
                 angle = offset(what, i, ["yaw" if what == "base" else "twist"])
                 about = _about(angle, 2)
-                turned = _product(about, turn) if what == "base" else _product(turn, about)
+                pair = (about, turn) if what == "base" else (turn, about)
+                turned = multiply_quaternions(*pair)
                 parts += [position + offset(what, i, "xyz"), turned]
                 first += 7
         return ca.vertcat(*parts)
@@ -188,8 +190,3 @@ def _about(angle: ca.SX, axis: int) -> ca.SX:
     parts = [ca.cos(angle / 2), ca.SX(0), ca.SX(0), ca.SX(0)]
     parts[1 + axis] = ca.sin(angle / 2)
     return ca.vertcat(*parts)
-
-
-def _product(a: ca.SX, b: ca.SX) -> ca.SX:
-    product: ca.SX = ca.vertcat(*quaternion_product(a, b))
-    return product

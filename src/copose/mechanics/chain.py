@@ -1,4 +1,4 @@
-"""Where an arm's joints and tip are, as CasADi expressions of its joint positions."""
+"""Forward kinematics: frames of an arm's joints and tip as CasADi expressions of its joints."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from copose.poses import Array, Pose, quaternion_product, rotation_rows
+from copose.poses import Array, Pose, quaternion_product, rotation_rows, skew
 from copose.robots import Arm, Joint
 
 
 def constant(values: Array) -> ca.SX:
-    """Numbers as an expression in which exact zeros cost nothing."""
+    """An expression of numbers in which exact zeros cost nothing."""
     return ca.SX(ca.sparsify(ca.DM(values)))
 
 
@@ -32,20 +32,20 @@ class Frame:
 
     @classmethod
     def at(cls, pose: Pose) -> Frame:
-        """A frame that nothing moves."""
+        """The constant frame of a pose."""
         quaternion = ca.SX(ca.DM(pose.quaternion))
         return cls(constant(pose.position), constant(pose.rotation), quaternion)
 
     @classmethod
     def free(cls, name: str) -> tuple[Frame, ca.SX]:
-        """A frame that may be moved, and the numbers that place it: position, quaternion, (7,)."""
+        """A frame with symbols for its placement, and these: position, quaternion, (7,)."""
         numbers = ca.SX.sym(name, 7)
         position, quaternion = numbers[:3], numbers[3:]
         return cls(position, ca.blockcat(rotation_rows(quaternion)), quaternion), numbers
 
     @property
     def inverse_quaternion(self) -> ca.SX:
-        """Of the rotation back."""
+        """The quaternion of the rotation back."""
         return self.quaternion * ca.DM([1, -1, -1, -1])
 
     def moved(self, pose: Pose) -> Frame:
@@ -64,7 +64,7 @@ class Chain:
     The root frame and not the world's: what is computed far from the origin loses digits.
 
     Attributes:
-        arm: the numbers.
+        arm: its model.
         q: joint positions, (n,).
         frames: joint frames after each joint's motion, root to tip.
         axes: unit joint axes, (3,) each.
@@ -106,9 +106,8 @@ def _turned(frame: Frame, joint: Joint, q: ca.SX) -> Frame:
         shift = frame.rotation @ constant(joint.axis) * q
         return Frame(frame.position + shift, frame.rotation, frame.quaternion)
     along = np.outer(joint.axis, joint.axis)
-    x, y, z = joint.axis
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turn = constant(along) + constant(np.eye(3) - along) * ca.cos(q) + constant(skew) * ca.sin(q)
+    across, turned = np.eye(3) - along, skew(joint.axis)
+    turn = constant(along) + constant(across) * ca.cos(q) + constant(turned) * ca.sin(q)
     half = ca.vertcat(ca.cos(q / 2), ca.SX(ca.DM(joint.axis)) * ca.sin(q / 2))
     return Frame(
         frame.position, frame.rotation @ turn, multiply_quaternions(frame.quaternion, half)

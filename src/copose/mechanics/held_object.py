@@ -1,4 +1,4 @@
-"""The object in the arms' hands: its inertia and how contacts act on it."""
+"""The held object: its inertia, grasp matrices, and load distribution over contacts."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from copose.mechanics.chain import Frame
 from copose.poses import Array, Pose, rotation_rows
 from copose.problem import Space
 
+# Parameters of an object: position, quaternion, mass, and six entries of the inertia.
 N_PARAMETERS = 14
-_UPPER = np.triu_indices(3)
 
 
 def object_parameters(pose: Pose, mass: float, inertia: ArrayLike) -> Array:
-    """The numbers that stand for an object in every expression, shape (14,).
+    """The parameters of an object in every expression, (14,).
 
     Args:
         pose: of the centre of mass in the world.
@@ -28,13 +28,13 @@ def object_parameters(pose: Pose, mass: float, inertia: ArrayLike) -> Array:
     matrix = np.asarray(inertia, dtype=float)
     if matrix.ndim == 0:
         matrix = np.eye(3) * matrix
-    upper = matrix[_UPPER]
+    upper = matrix[np.triu_indices(3)]
     return np.concatenate([pose.position, pose.quaternion, [mass], upper])
 
 
 @dataclass(frozen=True, eq=False)
 class HeldObject:
-    """Expressions of the object's parameters.
+    """The held object as expressions of its parameters.
 
     Attributes:
         parameters: position (3), quaternion (4), mass (1), upper inertia (6).
@@ -46,8 +46,8 @@ class HeldObject:
         W: one block per contact, (m, m) each: wrench at contact i on the object's centre of mass.
         balance: one block per contact, (b, m) each: the same with the moments that forces exert
             about the centre of mass in the linear spaces too, see `Space.balance`.
-        W_pinv: a right inverse of [W_1 … W_K], one block per contact, (m, m) each: how the object's
-            wrench is distributed over the contacts.
+        W_pinv: a right inverse of [W_1 … W_K], one block per contact, (m, m) each: the distribution
+            of the object's wrench over the contacts.
         inertia: 3×3 about the centre of mass, world axes.
         contacts: r_i, from the centre of mass to contact i, world axes, (3,) each.
     """
@@ -70,7 +70,7 @@ class HeldObject:
     ) -> HeldObject:
         """An object held at the given placements of the tips in its frame.
 
-        r_i = R_object · grasp position is nominal: where the contact should be, not where a tip is.
+        Contacts r_i = R_object · grasp position are nominal, whatever the arms' joints are.
 
         Args:
             space: the task space.
@@ -115,7 +115,7 @@ class HeldObject:
 
 
 def _moore_penrose(W: tuple[ca.SX, ...]) -> tuple[ca.SX, ...]:
-    """Blocks of Wᵀ(W Wᵀ)⁻¹."""
+    """The Moore–Penrose inverse Wᵀ(W Wᵀ)⁻¹, one block per contact."""
     m = W[0].shape[0]
     D, LT, order = ca.ldl(sum((W_i @ W_i.T for W_i in W), ca.SX(m, m)), False)
     inverse = ca.ldl_solve(ca.SX.eye(m), D, LT, order)
@@ -123,5 +123,5 @@ def _moore_penrose(W: tuple[ca.SX, ...]) -> tuple[ca.SX, ...]:
 
 
 def _grasp_matrix(r: ca.SX) -> ca.SX:
-    """[[I, 0], [S(r), I]]."""
+    """The grasp matrix [[I, 0], [S(r), I]] of a contact at r, (6, 6)."""
     return ca.blockcat([[ca.SX.eye(3), ca.SX(3, 3)], [ca.skew(r), ca.SX.eye(3)]])

@@ -18,7 +18,7 @@ from copose.robots import Arm, finite_range
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """Where a tip should be, in the arm's root frame.
+    """The target pose of a tip in the arm's root frame.
 
     Attributes:
         position: m, (3,).
@@ -31,14 +31,14 @@ class Goal:
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """How an arm is tied to the object and to the ground, in the arm's root axes.
+    """The coupling of an arm to the object and to gravity, in the arm's root axes.
 
     Attributes:
         motion: X_i with a_i = X_i a_o, the acceleration of the contact, (m, m): W_iᵀ turned.
         share: the contact's part of a wrench on the object by W⁺, (m, m): (W⁺)_i turned.
         load: Y_i with h_i = Y_i a_o, its part of the object's inertial wrench, (m, m): (W⁺)_i M_o
             turned.
-        balance: P_i, what a wrench at the contact does to the object, world axes, (b, m): see
+        balance: P_i, the effect of a wrench at the contact on the object, world axes, (b, m): see
             `HeldObject.balance`.
         fall: acceleration of free fall, m/s², (3,).
     """
@@ -51,7 +51,7 @@ class Coupling:
 
     @classmethod
     def symbols(cls, space: Space) -> Coupling:
-        """Symbols in the place of every entry."""
+        """A coupling with a symbol for every entry."""
         m, b = space.m, len(space.balance)
         shapes = {
             "motion": (m, m), "share": (m, m), "load": (m, m), "balance": (b, m), "fall": (3, 1),
@@ -59,16 +59,16 @@ class Coupling:
         return cls(**{name: ca.SX.sym(name, *shape) for name, shape in shapes.items()})
 
     def stacked(self, names: Sequence[str]) -> ca.SX:
-        """Entries of the named parts, column by column."""
+        """The entries of the named parts as one vector, column by column."""
         stack: ca.SX = ca.vertcat(*(ca.vec(ca.densify(getattr(self, name))) for name in names))
         return stack
 
 
 @dataclass(frozen=True, eq=False)
 class ArmMechanics:
-    """Expressions of one arm's joint positions.
+    """Kinematics and dynamics of one arm as expressions of its joint positions.
 
-    Wherever the root stands, its frame serves: arms of one model share these expressions.
+    They are in its root frame, so that arms of one model share them wherever they stand.
 
     Attributes:
         arm: the numbers.
@@ -90,7 +90,7 @@ class ArmMechanics:
 
     @classmethod
     def of(cls, arm: Arm, space: Space, base: Frame | None = None) -> ArmMechanics:
-        """The expressions of an arm, on another base than its own if one is given."""
+        """The expressions of an arm, on its own base or another."""
         base = Frame.at(arm.base) if base is None else base
         q = ca.SX.sym(f"q_{arm.name}", arm.n)
         chain = Chain.of(arm, q)
@@ -99,7 +99,7 @@ class ArmMechanics:
 
     @property
     def R_world_root(self) -> ca.SX:
-        """Turns task vectors from root axes to world axes, (m, m)."""
+        """The rotation of task vectors from root axes to world axes, (m, m)."""
         R, rows = self.base.rotation, list(self.space.rows)
         return ca.diagcat(R, R)[rows, rows]
 
@@ -119,16 +119,17 @@ class ArmMechanics:
         )
 
     def _in_world(self, point: ca.SX) -> ca.SX:
+        """A point of the root frame in the world, m, (3,)."""
         return self.base.position + self.base.rotation @ point
 
     def pose_error(self, goal: Goal) -> tuple[ca.SX, ca.SX]:
-        """p_tip − p_goal in root axes, m, (3,), and the quaternion q_goal⁻¹ ⊗ q_tip, (4,)."""
+        """The errors p_tip − p_goal, root axes, m, (3,), and q_goal⁻¹ ⊗ q_tip, quaternion, (4,)."""
         back = ca.vertcat(goal.quaternion[0], -goal.quaternion[1:])
         tip = self.chain.tip
         return tip.position - goal.position, multiply_quaternions(back, tip.quaternion)
 
     def closure(self, goal: Goal) -> ca.SX:
-        """How far the tip is from a goal; zero there and nowhere else.
+        """The closure residual of a goal: zero where the tip is there, and nowhere else.
 
         Position error, m, over twice the vector part of the quaternion error where contacts are
         rigid: 2 sin(θ/2)·axis, rad near the goal, and 2, not 0, for a hand flipped by 180°. Task
@@ -138,17 +139,17 @@ class ArmMechanics:
         return ca.vertcat(position, 2 * quaternion[1:])[list(self.space.rows)]
 
     def gravity_torques(self, gravity: Array | ca.SX) -> ca.SX:
-        """Torques that hold the arm, (n,); gravity in world axes, m/s²."""
+        """Torques that hold the arm against gravity, (n,); free fall in world axes, m/s²."""
         return self.weight_torques(self.base.rotation.T @ gravity)
 
     def weight_torques(self, fall: ca.SX) -> ca.SX:
-        """The same for an acceleration of free fall in root axes, see `Coupling`."""
+        """Torques that hold the arm for a free fall in root axes, see `Coupling`, (n,)."""
         return gravity_torques(self.chain, fall)
 
     def driven(
         self, accelerations: ca.SX, fall: ca.SX, wrench: ca.SX, rates: ca.SX | None = None
     ) -> tuple[ca.SX, ca.SX]:
-        """M q̈ + C q̇ + g + Jᵀh, (n,), and J q̈ + J̇ q̇, (m,), see `inverse_dynamics`.
+        """Torques M q̈ + C q̇ + g + Jᵀh, (n,), and J q̈ + J̇ q̇, (m,), see `inverse_dynamics`.
 
         Fall and the tip's wrench, (m,), in root axes; at rest without joint rates.
         """
@@ -168,7 +169,7 @@ class ArmMechanics:
         return ca.substitute(torques, rate, speed)
 
     def velocity_acceleration(self, speed: ca.SX) -> ca.SX:
-        """J̇q̇, the tip's acceleration at joint speeds q̇ without joint accelerations, (m,)."""
+        """Acceleration J̇q̇ of the tip at joint speeds q̇ without joint accelerations, (m,)."""
         rate = ca.SX.sym("rate", self.arm.n)
         return ca.substitute(ca.jtimes(self.J @ rate, self.q, rate), rate, speed)
 
@@ -196,11 +197,11 @@ class ArmMechanics:
     @property
     def placements(self) -> ca.SX:
         """Positions and quaternions in the world of root, joints and tip, (7, n + 2)."""
-        base, found = self.base, [ca.vertcat(self.base.position, self.base.quaternion)]
+        base, columns = self.base, [ca.vertcat(self.base.position, self.base.quaternion)]
         for frame in (*self.chain.frames, self.chain.tip):
             turn = multiply_quaternions(base.quaternion, frame.quaternion)
-            found.append(ca.vertcat(self._in_world(frame.position), turn))
-        return ca.horzcat(*found)
+            columns.append(ca.vertcat(self._in_world(frame.position), turn))
+        return ca.horzcat(*columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,7 +251,7 @@ class System:
         return cls(space, expressions, grasps, held, fall, parameters)
 
     def numbers(self, thing: Array, arms: Sequence[Arm]) -> Array:
-        """What `parameters` are for an object, see `object_parameters`, and these arms."""
+        """The values of `parameters` for an object, see `object_parameters`, and arms."""
         poses = [getattr(arm, what) for what in ("base", "grasp") for arm in arms
                  if what in arm.free]  # fmt: skip
         placed = [part for pose in poses for part in (pose.position, pose.quaternion)]
@@ -266,7 +267,7 @@ class System:
         return np.split(q, np.cumsum([arm.arm.n for arm in self.arms])[:-1], axis=-1)
 
     def goal(self, i: int) -> Goal:
-        """Where the object wants the tip of arm i."""
+        """The target pose of the tip of arm i: its grasp on the object."""
         base, grasp, held = self.arms[i].base, self.grasps[i], self.object
         position = held.position + held.rotation @ grasp.position
         quaternion = multiply_quaternions(held.quaternion, grasp.quaternion)
@@ -276,7 +277,7 @@ class System:
         )
 
     def coupling(self, i: int) -> Coupling:
-        """How arm i is tied to the object and to the ground."""
+        """The coupling of arm i to the object and to gravity."""
         arm, held = self.arms[i], self.object
         turn = arm.R_world_root.T
         return Coupling(

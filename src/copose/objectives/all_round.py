@@ -16,6 +16,7 @@ from copose.objectives.objective import Cuts, LimitReport
 from copose.objectives.torque_limited import TorqueLimited, least
 from copose.poses import Array
 from copose.problem import Space
+from copose.selection import far_apart
 
 
 @dataclass(frozen=True)
@@ -120,10 +121,4 @@ class AllRound(TorqueLimited):
 
 def _distinct(directions: Array, most: int, alike: float) -> list[Array]:
     """The first unit directions of which no two have such a cosine between them."""
-    chosen: list[Array] = []
-    for u in directions:
-        if len(chosen) == most:
-            break
-        if all(u @ other < alike for other in chosen):
-            chosen.append(u)
-    return chosen
+    return far_apart(directions, lambda u, taken: all(u @ other < alike for other in taken), most)

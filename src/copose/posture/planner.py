@@ -27,7 +27,7 @@ from copose.posture.local.nlp_cuts import NlpCuts
 from copose.posture.model import PostureModel
 from copose.posture.placement.run import PlacedRun
 from copose.posture.placement.search import Placed
-from copose.posture.reachable.reachability import rails_of
+from copose.posture.reachable.components import rails_of
 from copose.posture.run.run import EffortName, Run
 from copose.posture.setting import Setting
 from copose.posture.solution import answer, unfound
@@ -35,7 +35,7 @@ from copose.problem import Problem, same_structure
 from copose.progress import StoppedError, Tell, sheltered, stage, watched
 from copose.results import Solution, Timing
 from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
-from copose.self_motion.misses.gaps import Followed, nearest_gaps
+from copose.self_motion.misses.gaps import Followed, Gap, nearest_gaps
 from copose.self_motion.null_space import NullMotion, null_basis, null_motion
 from copose.self_motion.projection import CLOSED, project
 
@@ -279,7 +279,10 @@ class Planner:
         q = setting.cell.given(joints)
         run = Run(self._model, setting, setting.cell.problem.search.seed, self.build_s, began)
         solution = run.follow(q)
-        gaps = {} if solution is not None else nearest_gaps(self._model, setting, q)
+        gaps: dict[str, Gap] = {}
+        if solution is None:
+            goals, kernels = setting.placement.goals, self._model.arms
+            gaps = nearest_gaps(setting.cell, kernels, goals, setting.lower, setting.upper, q)
         return Followed(solution, gaps)
 
     @one_at_a_time

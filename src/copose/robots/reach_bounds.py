@@ -1,4 +1,4 @@
-"""Whether a tip is where no posture of its arm can bring it: bounds that hold, not searches."""
+"""Bounds on the reach of an arm from its link lengths and joint limits."""
 
 from __future__ import annotations
 
@@ -9,21 +9,11 @@ from functools import lru_cache
 import numpy as np
 
 from copose.poses import Array, Pose, rotation_rows
-from copose.robots import Arm, Joint, finite_range
-from copose.self_motion.kernels import ArmKernels
-
-# Boxes of joint positions that are looked at before a proof is given up.
-_BOXES = 120_000
-# Of them so many that none is ruled out among tell that the ranges are too wide for a proof.
-_UNDECIDED = 2_000
-# What rounding may make of a distance, m or rad.
-_ROUNDING = 1e-9
-# Points nearer than this are one, m; and axes whose angle's sine is smaller are parallel.
-_SAME, _PARALLEL = 1e-9, 1e-6
+from copose.robots import Arm, Joint
 
 
 def levers(arm: Arm) -> Array:
-    """How far the tip comes at most for a rad or m of each joint, (n,)."""
+    """Largest motion of the tip, m, per rad or m of each joint, (n,)."""
     lengths = [float(np.linalg.norm(joint.placement.position)) for joint in arm.joints]
     spans = np.array([*lengths, float(np.linalg.norm(arm.tip.position))])
     for k, joint in enumerate(arm.joints):
@@ -37,8 +27,12 @@ def levers(arm: Arm) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """A point of the arm at zero, root axes, (3,), and the first and the last link that it is
-    fixed to: a point of a revolute axis to both links that meet there, the root being link 0.
+    """A point fixed to links of an arm.
+
+    Attributes:
+        place: in the root frame with all joints at zero, m, (3,).
+        first: number of the first link that it is fixed to, the root being link 0.
+        last: of the last; a point on a revolute axis is fixed to both links that meet there.
     """
 
     place: Array
@@ -48,7 +42,7 @@ class _Point:
 
 @dataclass(frozen=True, eq=False)
 class _Circle:
-    """What a point describes about an axis; of radius 0 a point that does not move."""
+    """The circle of a point that turns about an axis; of radius 0 a point that stands still."""
 
     centre: Array
     axis: Array
@@ -72,14 +66,15 @@ class _Circle:
 
 
 class ReachBound:
-    """How far apart points of an arm's axes are at most and at least, within its joint limits.
+    """Least and largest distances between points of an arm's axes within its joint limits.
 
-    With one joint between two points that is a closed form; with more of them a sum over points in
-    between. The points are where neighbouring axes meet or come nearest: shoulder, elbow, wrist.
+    The points are where neighbouring axes meet or come nearest: shoulder, elbow, wrist. With one
+    joint between two points the distances are a closed form; with more joints they follow from the
+    triangle inequality over points in between.
     """
 
     def __init__(self, joints: tuple[Joint, ...], tip: Pose, lower: Array, upper: Array) -> None:
-        """The distances of a chain of joints with limits, (n,)."""
+        """Compute the distances of a chain of joints with limits, (n,)."""
         self._joints = joints
         position, rotation = np.zeros(3), np.eye(3)
         origins, axes = [], []
@@ -109,17 +104,19 @@ class ReachBound:
 
     @staticmethod
     def of(arm: Arm, lower: Array, upper: Array) -> ReachBound:
-        """The distances of an arm with limits, (n,); they are kept."""
+        """The bounds of an arm with joint limits, (n,); cached."""
         return _kept(arm.joints, arm.tip, tuple(lower.tolist()), tuple(upper.tolist()))
 
     def missed(self, goal: Array, *, rigid: bool) -> float:
-        """By how much the tip misses its goal at least, m; above zero no posture comes there.
+        """A lower bound of the distance, m, by which the tip misses a goal.
+
+        If it is positive no posture within limits reaches the goal.
 
         Args:
             goal: of the tip in the root frame, position and quaternion, (7,).
-            rigid: whether its orientation is asked for: axes near the tip are then known too.
+            rigid: whether the orientation counts: points on the last axis are then known too.
         """
-        n, most = len(self._joints), -np.inf
+        n, bound = len(self._joints), -np.inf
         turn = np.array(rotation_rows(goal[3:]), dtype=float) @ self._turn.T
 
         def placed(point: Array) -> Array:
@@ -143,17 +140,19 @@ class ReachBound:
                     least, largest = about.distances(circle.centre)
                 else:
                     continue
-                most = max(most, least - self._far[i, j], self._near[i, j] - largest)
-        return float(most)
+                bound = max(bound, least - self._far[i, j], self._near[i, j] - largest)
+        return float(bound)
 
     def _chosen(self) -> list[_Point]:
         """Points of revolute axes that are nearest to their neighbours, ends of slides, the tip."""
         points: list[_Point] = []
+        same_point = 1e-9  # points nearer to each other are one, m
+        parallel = 1e-6  # axes are parallel if the sine of their angle is smaller
 
         def add(place: Array, first: int, last: int) -> None:
             for known in points:
                 same = (known.first, known.last) == (first, last)
-                if same and np.linalg.norm(known.place - place) < _SAME:
+                if same and np.linalg.norm(known.place - place) < same_point:
                     return
             points.append(_Point(place, first, last))
 
@@ -164,16 +163,16 @@ class ReachBound:
                 add(origin, k + 1, k + 1)
                 continue
             add(origin, k, k + 1)
-            for beside in (k - 1, k + 1):
-                if beside < 0:
+            for next_to in (k - 1, k + 1):
+                if next_to < 0:
                     continue
-                other = self._tip if beside == n else self._origins[beside]
+                other = self._tip if next_to == n else self._origins[next_to]
                 add(origin + axis * (axis @ (other - origin)), k, k + 1)
-                if beside == n or self._joints[beside].kind == "prismatic":
+                if next_to == n or self._joints[next_to].kind == "prismatic":
                     continue
-                across = np.cross(axis, self._axes[beside])
-                if np.linalg.norm(across) > _PARALLEL:
-                    basis = np.column_stack([axis, -self._axes[beside], across])
+                across = np.cross(axis, self._axes[next_to])
+                if np.linalg.norm(across) > parallel:
+                    basis = np.column_stack([axis, -self._axes[next_to], across])
                     along = np.linalg.solve(basis, other - origin)[0]
                     add(origin + along * axis, k, k + 1)
         add(self._tip, n, n)
@@ -182,7 +181,7 @@ class ReachBound:
     def _across(
         self, k: int, a: Array, b: Array, lower: float, upper: float
     ) -> tuple[float, float]:
-        """The least and the largest distance of a point before joint k to one beyond it."""
+        """The least and the largest distance between a point before joint k and one beyond it."""
         origin, axis = self._origins[k], self._axes[k]
         if self._joints[k].kind == "prismatic":
             along = float((b - a) @ axis)
@@ -206,60 +205,18 @@ class ReachBound:
 def _kept(
     joints: tuple[Joint, ...], tip: Pose, lower: tuple[float, ...], upper: tuple[float, ...]
 ) -> ReachBound:
+    """The cached bounds of a chain."""
     return ReachBound(joints, tip, np.array(lower), np.array(upper))
 
 
 def _largest_cosine(low: float, high: float) -> float:
-    """Of angles from low to high."""
+    """The largest cosine of the angles from low to high, rad."""
     if not high - low < 2 * np.pi or np.ceil(low / (2 * np.pi)) <= np.floor(high / (2 * np.pi)):
         return 1.0
     return float(max(np.cos(low), np.cos(high)))
 
 
 def out_of_reach(arm: Arm, lower: Array, upper: Array, goal: Array, *, rigid: bool) -> bool:
-    """Whether links are too short, or too long, for a goal; see `ReachBound.missed`."""
-    return ReachBound.of(arm, lower, upper).missed(goal, rigid=rigid) > _ROUNDING
-
-
-def excluded(
-    arm: Arm, kernels: ArmKernels, lower: Array, upper: Array, goal: Array, *, rigid: bool
-) -> bool:
-    """Whether no posture within limits brings the tip to a goal: boxes of joint positions are cut
-    in halves until in each the middle is farther off than the joints can make good.
-
-    Args:
-        arm: it.
-        kernels: its own.
-        lower: limits of its joints, (n,).
-        upper: alike.
-        goal: see `ReachBound.missed`.
-        rigid: whether its orientation is asked for.
-    """
-    if out_of_reach(arm, lower, upper, goal, rigid=rigid):
-        return True
-    low, high = finite_range(lower, upper)
-    reach = levers(arm)
-    turning = np.array([joint.kind == "revolute" for joint in arm.joints], dtype=float)
-    if not np.all(np.isfinite(reach)) or not np.all(np.isfinite([low, high])):
-        return False
-    middle, half = (low + high)[None] / 2, (high - low)[None] / 2
-    seen = 0
-    while len(middle):
-        seen += len(middle)
-        if seen + 2 * len(middle) > _BOXES:
-            return False
-        off = kernels.gap(middle, goal)
-        near = np.linalg.norm(off[:, :3], axis=1) <= half @ reach + _ROUNDING
-        if rigid:
-            near &= 2 * np.linalg.norm(off[:, 4:], axis=1) <= half @ turning + _ROUNDING
-        if len(middle) > _UNDECIDED and near.all():
-            return False
-        middle, half = middle[near], half[near]
-        widest = (half * (reach + turning * rigid)).argmax(axis=1)
-        rows = np.arange(len(half))
-        half = half.copy()
-        half[rows, widest] /= 2
-        step = np.zeros_like(half)
-        step[rows, widest] = half[rows, widest]
-        middle, half = np.vstack([middle - step, middle + step]), np.vstack([half, half])
-    return True
+    """Proof that links are too short, or too long, for a goal; see `ReachBound.missed`."""
+    rounding = 1e-9  # of a distance, m
+    return ReachBound.of(arm, lower, upper).missed(goal, rigid=rigid) > rounding

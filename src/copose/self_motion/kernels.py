@@ -1,4 +1,4 @@
-"""The kernels of an arm: how it closes, what it adds to the system's matrices, and their slopes.
+"""Kernels of an arm: steps that close it, its closure, its share of sums over arms, and slopes.
 
 They are written in the arm's root frame. Where its root stands, where the object is and which share
 of it the arm carries are numbers, so arms of one model have the same kernels.
@@ -17,9 +17,15 @@ from copose.kernels import Kernel
 from copose.mechanics import ArmMechanics, Coupling, Goal, System
 from copose.poses import Array
 
-# Of closing, at a time: from a Newton step along a self-motion they close the chain.
-CLOSING_STEPS = 3
-_LONGEST_STEP = 0.7
+
+@dataclass(frozen=True)
+class ClosingOptions:
+    """Damped Gauss–Newton steps that close an arm."""
+
+    steps: int = 3  # in one call: enough to close after a Newton step along a self-motion
+    longest: float = 0.7  # change of a joint in a step, rad or m
+    damping: float = 1e-3  # times the squared residual, up to 1, of the mean diagonal of J Jᵀ
+    least_damping: float = 1e-13  # of it, where the chain is closed
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +33,9 @@ class ArmKernels:
     """Kernels of joint positions q, (n,), in the order of rows of a batch.
 
     Attributes:
-        closing: of (q, lower, upper) and a goal: q after `CLOSING_STEPS` steps of closing, and the
-            norm of the residual there, (n + 1,).
+        steps: of one call of `closing`.
+        closing: of (q, lower, upper) and a goal: q after these steps, and the norm of the residual
+            there, (n + 1,).
         closure: of q and a goal: residual, (m,), and its derivative row by row, (m·n,).
         gap: of q and a goal: position error, (3,), and quaternion of the angle error, (4,).
         terms: of q and a tie: what the arm adds to the sums, (s,).
@@ -38,6 +45,7 @@ class ArmKernels:
 
     m: int
     n: int
+    steps: int
     closing: Kernel
     closure: Kernel
     gap: Kernel
@@ -45,8 +53,10 @@ class ArmKernels:
     local: Kernel
 
     @classmethod
-    def of(cls, arm: ArmMechanics, sums: Sums) -> ArmKernels:
-        """Write down the kernels of an arm, for what is summed over the arms."""
+    def of(
+        cls, arm: ArmMechanics, sums: Sums, options: ClosingOptions = ClosingOptions()
+    ) -> ArmKernels:
+        """The kernels of an arm, for what is summed over the arms."""
         q, m, n = arm.q, arm.space.m, arm.arm.n
         goal = Goal(ca.SX.sym("position", 3), ca.SX.sym("quaternion", 4))
         place = ca.vertcat(goal.position, goal.quaternion)
@@ -59,12 +69,14 @@ class ArmKernels:
         limits = ca.vertcat(lower, upper)
         look = ca.Function("residual", [q, place], [residual, J])
         end = q
-        for _ in range(CLOSING_STEPS):
-            end = _closing_step(end, lower, upper, *look(end, place))
+        for _ in range(options.steps):
+            residual_there, J_there = look(end, place)
+            end = _closing_step(end, lower, upper, residual_there, J_there, options)
         closed = ca.vertcat(end, ca.norm_2(look(end, place)[0]))
         return cls(
             m=m,
             n=n,
+            steps=options.steps,
             closing=Kernel(ca.vertcat(q, limits), place, closed),
             closure=Kernel(q, place, ca.vertcat(residual, ca.vec(J.T))),
             gap=Kernel(q, place, ca.vertcat(*arm.pose_error(goal))),
@@ -88,37 +100,39 @@ class ArmKernels:
 
 
 def terms_kernel(arm: ArmMechanics, sums: Sums) -> Kernel:
-    """Of q and a tie: what an arm adds to some sums, (s,)."""
+    """The kernel of an arm's share of sums over arms, (s,), of q and a tie."""
     tied, terms = _terms(arm, sums)
     return Kernel(arm.q, tied, terms)
 
 
 def _terms(arm: ArmMechanics, sums: Sums) -> tuple[ca.SX, ca.SX]:
-    """The tie and the terms."""
+    """The tie of an arm, its coupling and torque scale, and its terms of the sums."""
     coupling = Coupling.symbols(arm.space)
     scale = ca.SX.sym("scale", arm.arm.n)
     terms = ca.vertcat(*sums.arm_terms(arm, coupling, scale))
     return ca.vertcat(coupling.stacked(sums.uses), scale), terms
 
 
-def _closing_step(q: ca.SX, lower: ca.SX, upper: ca.SX, residual: ca.SX, J: ca.SX) -> ca.SX:
+def _closing_step(
+    q: ca.SX, lower: ca.SX, upper: ca.SX, residual: ca.SX, J: ca.SX, options: ClosingOptions
+) -> ca.SX:
     """A damped Gauss–Newton step within limits.
 
     Where it would push a joint through its limit, the others take it without that joint.
     """
-    step = _damped_step(residual, J)
+    step = _damped_step(residual, J, options)
     blocked = ca.logic_or(ca.logic_and(q <= lower, step < 0), ca.logic_and(q >= upper, step > 0))
     open_ = 1 - blocked
-    step = _damped_step(residual, J * ca.repmat(open_.T, J.shape[0], 1)) * open_
-    step *= ca.fmin(1, _LONGEST_STEP / ca.fmax(ca.mmax(ca.fabs(step)), 1e-300))
+    step = _damped_step(residual, J * ca.repmat(open_.T, J.shape[0], 1), options) * open_
+    step *= ca.fmin(1, options.longest / ca.fmax(ca.mmax(ca.fabs(step)), 1e-300))
     return ca.fmin(ca.fmax(q + step, lower), upper)
 
 
-def _damped_step(residual: ca.SX, J: ca.SX) -> ca.SX:
-    """−Jᵀ(J Jᵀ + λI)⁻¹ r, λ falling with the residual so that convergence stays quadratic."""
+def _damped_step(residual: ca.SX, J: ca.SX, options: ClosingOptions) -> ca.SX:
+    """The step −Jᵀ(J Jᵀ + λI)⁻¹ r; λ falls with the residual: convergence stays quadratic."""
     m = residual.shape[0]
     normal = J @ J.T
-    damping = 1e-3 * ca.fmin(ca.dot(residual, residual), 1) + 1e-13
+    damping = options.damping * ca.fmin(ca.dot(residual, residual), 1) + options.least_damping
     normal += (damping * ca.trace(normal) / m + 1e-100) * ca.SX.eye(m)
     D, LT, order = ca.ldl(normal, False)
     return -J.T @ ca.ldl_solve(residual, D, LT, order)
@@ -126,11 +140,11 @@ def _damped_step(residual: ca.SX, J: ca.SX) -> ca.SX:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """What the kernels take for where the object is.
+    """Parameters of the kernels for one placement of the object.
 
     Attributes:
         goals: by arm, tip position and quaternion in its root frame, (7,).
-        ties: by arm, what of its coupling enters the sums, and the torque scale.
+        ties: by arm, the parts of its coupling that enter the sums, and its torque scale.
         inertia: upper triangle of M_o.
     """
 
@@ -140,10 +154,16 @@ class Placement:
 
 
 class KernelInputsBuilder:
-    """Turns the object's parameters into what the kernels take, by a kernel of its own."""
+    """The kernel that turns the object's parameters into those of the arms' kernels."""
 
     def __init__(self, system: System, sums: Sums, scales: Sequence[Array]) -> None:
-        """Write down what does it."""
+        """Build the kernel.
+
+        Args:
+            system: arms and object.
+            sums: what is summed over the arms.
+            scales: torque scale of each arm's joints, (n_i,).
+        """
         parts = [upper_triangle(system.object.M_o)]
         for i in range(len(system.arms)):
             goal, coupling = system.goal(i), system.coupling(i)
@@ -156,7 +176,7 @@ class KernelInputsBuilder:
         self.kernel = Kernel(system.parameters, ca.SX(0, 1), ca.vertcat(*parts))
 
     def __call__(self, parameters: Array) -> Placement:
-        """The placement of an object."""
+        """The kernels' parameters for parameters of the object, see `System.parameters`."""
         inertia, *parts = np.split(self.kernel(parameters[None], np.zeros(0))[0], self._edges)
         ties = zip(parts[1::2], self._scales, strict=True)
         return Placement(

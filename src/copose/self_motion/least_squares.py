@@ -1,21 +1,29 @@
-"""The nearest that an arm comes to its grasp: least squares within joint limits, many at once."""
+"""Nonlinear least squares of the closure of one arm within joint limits, many at once."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from copose.poses import Array
 from copose.self_motion.kernels import ArmKernels
 
-_STEPS = 60
-# Of the differences that second derivatives are taken from, rad or m.
-_DIFFERENCE = 1e-6
-_LONGEST_STEP = 0.7
-# Of the largest curvature: of the first step what is added to all; the least that one counts with.
-_DAMPING, _FLAT = 1e-3, 1e-12
-_EASED, _DAMPED, _STUCK = 0.1, 8.0, 1e8
-# What a step promises of ½|r|², relative and in squares of m or rad, where it is the last.
-_GAIN, _NOTHING = 1e-11, 1e-27
+
+@dataclass(frozen=True)
+class NewtonOptions:
+    """Damped Newton steps of nonlinear least squares; damping is relative to the curvature."""
+
+    steps: int = 60
+    difference: float = 1e-6  # of joints, from which second derivatives are taken, rad or m
+    longest: float = 0.7  # change of a joint in a step, rad or m
+    damping: float = 1e-3  # of the first step
+    flat: float = 1e-12  # ratio of the least curvature that counts to the largest
+    eased: float = 0.1  # factor of the damping after a step that does not rise
+    damped: float = 8.0  # factor of the damping after one that rises
+    stuck: float = 1e8  # damping at which the steps end
+    gain: float = 1e-11  # of ½|r|² that a step promises, relative: below it is the last
+    least_gain: float = 1e-27  # the same, absolute, in squares of m or rad
 
 
 def nearest(
@@ -26,11 +34,12 @@ def nearest(
     upper: Array,
     *,
     weights: Array | float = 1.0,
+    options: NewtonOptions = NewtonOptions(),
 ) -> tuple[Array, Array]:
-    """Damped Newton steps to a local minimum of |weights · closure(q)| over lower ≤ q ≤ upper.
+    """Local minima of |weights · closure(q)| over lower ≤ q ≤ upper, by damped Newton steps.
 
-    The chain closed, the minimum is zero; else it is a nearest miss. Second derivatives count, for
-    far from closing Gauss–Newton steps crawl; directions of negative curvature are followed down.
+    Where the chain closes the minimum is zero; else it is a nearest miss. Second derivatives count,
+    for far from closing Gauss–Newton steps crawl; along negative curvature steps go downhill.
 
     Args:
         kernels: of the arm.
@@ -39,6 +48,7 @@ def nearest(
         lower: joint limits, −inf where there is none, (n,).
         upper: alike.
         weights: of the closure's rows, (m,).
+        options: of the steps.
 
     Returns:
         Postures (count, n) within the limits, and |weights · closure| there, (count,).
@@ -53,35 +63,40 @@ def nearest(
     q = np.clip(q, lower, upper)
     r, J = residual(q)
     half_square = (r * r).sum(axis=1) / 2
-    damping = np.full(len(q), _DAMPING)
+    damping = np.full(len(q), options.damping)
     rows = np.arange(len(q))
-    for _ in range(_STEPS):
+    for _ in range(options.steps):
         x, r_x, J_x = q[rows], r[rows], J[rows]
         slope = np.einsum("kmi,km->ki", J_x, r_x)
         stopped = ((x <= lower) & (slope > 0)) | ((x >= upper) & (slope < 0))
         slope[stopped] = 0.0
-        beside = (x[:, None] + _DIFFERENCE * np.eye(n)).reshape(-1, n)
-        J_beside = residual(beside)[1].reshape(len(x), n, kernels.m, n)
-        bend = np.einsum("kimj,km->kij", (J_beside - J_x[:, None]) / _DIFFERENCE, r_x)
+        displaced = (x[:, None] + options.difference * np.eye(n)).reshape(-1, n)
+        J_displaced = residual(displaced)[1].reshape(len(x), n, kernels.m, n)
+        J_slope = (J_displaced - J_x[:, None]) / options.difference
+        bend = np.einsum("kimj,km->kij", J_slope, r_x)
         hessian = J_x.swapaxes(1, 2) @ J_x + (bend + bend.swapaxes(1, 2)) / 2
         hessian[stopped[:, :, None] | stopped[:, None]] = 0.0
         curvature, along = np.linalg.eigh(hessian)
         curvature = np.abs(curvature)
         most = curvature.max(axis=1, keepdims=True)
-        curvature = np.maximum(curvature, _FLAT * most + 1e-300) + damping[rows, None] * most
+        curvature = np.maximum(curvature, options.flat * most + 1e-300)
+        curvature += damping[rows, None] * most
         parts = np.einsum("kij,ki->kj", along, slope)
         step = -np.einsum("kij,kj->ki", along, parts / curvature)
         gain = (parts**2 / curvature).sum(axis=1) / 2
-        step *= np.minimum(1.0, _LONGEST_STEP / np.abs(step).max(axis=1).clip(1e-300))[:, None]
-        there = np.clip(x + step, lower, upper)
-        r_there, J_there = residual(there)
-        ends = (r_there * r_there).sum(axis=1) / 2
-        better = ends <= half_square[rows]
-        damping[rows] = np.where(better, _EASED * damping[rows], _DAMPED * damping[rows] + 1e-9)
+        step *= np.minimum(1.0, options.longest / np.abs(step).max(axis=1).clip(1e-300))[:, None]
+        end = np.clip(x + step, lower, upper)
+        r_end, J_end = residual(end)
+        value = (r_end * r_end).sum(axis=1) / 2
+        better = value <= half_square[rows]
+        damping[rows] = np.where(
+            better, options.eased * damping[rows], options.damped * damping[rows] + 1e-9
+        )
         moved = rows[better]
-        q[moved], r[moved], J[moved] = there[better], r_there[better], J_there[better]
-        half_square[moved] = ends[better]
-        rows = rows[(gain > _GAIN * half_square[rows] + _NOTHING) & (damping[rows] < _STUCK)]
+        q[moved], r[moved], J[moved] = end[better], r_end[better], J_end[better]
+        half_square[moved] = value[better]
+        promising = gain > options.gain * half_square[rows] + options.least_gain
+        rows = rows[promising & (damping[rows] < options.stuck)]
         if not len(rows):
             break
     return q, np.sqrt(2 * half_square)

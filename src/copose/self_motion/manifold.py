@@ -1,4 +1,8 @@
-"""What an arm that holds an object moves on: its closure and its limits, one step at a time."""
+"""The manifold of closed postures of an arm: its closure and limits, a step, and tangents.
+
+The predictor–corrector step of numerical continuation: along the tangent and its derivative, then
+by Newton steps onto the manifold in the plane across the tangent.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +13,10 @@ import numpy as np
 from copose.poses import Array, Indices, Mask
 from copose.self_motion.kernels import ArmKernels
 
-_CORRECTIONS = 5
-
 
 @dataclass(frozen=True, eq=False)
 class ClosureManifold:
-    """What arms of one model move on.
+    """Closed postures within limits of k arms of one model.
 
     Attributes:
         kernels: of the model.
@@ -35,67 +37,87 @@ class ClosureManifold:
         return self.kernels.n - self.kernels.m
 
     def taken(self, arms: Indices) -> ClosureManifold:
-        """Those of some arms, one or more times each."""
+        """The manifolds of some of the arms, one or more times each."""
         return ClosureManifold(
             self.kernels, self.goals[arms], self.lower[arms], self.upper[arms], self.unlimited[arms]
         )
 
     def many(self, count: int) -> ClosureManifold:
-        """Those of one arm, so many times."""
+        """The manifold of the first arm, so many times."""
         return self.taken(np.zeros(count, dtype=np.intp))
 
+    def widened(self, known: Array) -> ClosureManifold:
+        """The manifolds with limits that known postures, (k, n), are within."""
+        lower, upper = np.minimum(self.lower, known), np.maximum(self.upper, known)
+        return ClosureManifold(self.kernels, self.goals, lower, upper, self.unlimited)
+
     def wrapped(self, offset: Array) -> Array:
-        """Differences, (k, n), without the whole turns of unlimited joints."""
+        """Differences of postures, (k, n), without the whole turns of unlimited joints."""
         if not self.unlimited.any():
             return offset
         turns = np.round(offset / (2 * np.pi))
         return np.where(self.unlimited, offset - 2 * np.pi * turns, offset)
 
     def excess(self, q: Array, known: Array) -> Array:
-        """How far each joint is beyond its limits, (k, n), at q; what a known posture has of a
-        margin, which it may only leave, is none.
+        """Distance of each joint beyond its limits, (k, n), negative within them.
+
+        Args:
+            q: postures, (k, n).
+            known: postures that may be beyond limits, (k, n): so far the limits are wider.
         """
-        lower, upper = np.minimum(self.lower, known), np.maximum(self.upper, known)
-        return np.asarray(np.maximum(lower - q, q - upper))
+        limits = self.widened(known)
+        return np.asarray(np.maximum(limits.lower - q, q - limits.upper))
 
     def step(
-        self, q: Array, tangent: Array, length: Array, bend: Array, tolerance: float
+        self,
+        q: Array,
+        tangent: Array,
+        length: Array,
+        bend: Array,
+        tolerance: float,
+        corrections: int = 5,
     ) -> tuple[Array, Array, Mask]:
-        """Points of the curves in the planes across their tangents.
+        """A step along curves: predicted by tangents, corrected in the planes across them.
 
         Args:
             q: on the curves, (k, n).
             tangent: there, (k, n).
             length: of the step along it, (k,).
-            bend: derivative of the tangent, about, (k, n).
-            tolerance: the residual that need not be corrected.
+            bend: about the derivative of the tangent by the arc length, (k, n).
+            tolerance: the residual that needs no correction.
+            corrections: Newton steps, at most, and one evaluation.
 
         Returns:
-            The points, (k, n), [J; tᵀ] there, (k, n, n), and where that came to an end, (k,).
+            The points, (k, n), [J; tᵀ] there, (k, n, n), and which are closed, (k,).
         """
         m, n = self.kernels.m, self.kernels.n
         far = length[:, None]
         x = q + far * tangent + far**2 / 2 * bend
-        # What the bend adds along the tangent is taken away: the plane is where it is said to be.
+        # The part of the bend along the tangent is taken away: the plane stays at the length.
         x -= ((x - q) * tangent).sum(axis=1, keepdims=True) * tangent - far * tangent
         A, right = np.empty((len(q), n, n)), np.zeros((len(q), n, 1))
         A[:, m:] = tangent[:, None]
-        for k in range(_CORRECTIONS):
+        for k in range(corrections):
             residual, A[:, :m] = self.kernels.residual(x, self.goals)
             closed = np.abs(residual).max(axis=1) < tolerance
-            if k + 1 == _CORRECTIONS or closed.all():
+            if k + 1 == corrections or closed.all():
                 break
             right[:, :m, 0] = -residual
             x = x + solved(A, right)
         return x, A, closed
 
     def tangents(self, A: Array, heading: Array) -> tuple[Array, Array, Array]:
-        """Of [J; headingᵀ]: unit tangents t, their cosines with the heading, and det [J; tᵀ]."""
+        """Unit tangents t, their cosines with headings, and det [J; tᵀ], of [J; headingᵀ]."""
         right = np.zeros((len(A), A.shape[1], 1))
         right[:, -1] = 1.0
         x = solved(A, right)
         size = np.sqrt((x**2).sum(axis=1))
         return x / size[:, None], 1 / size, np.linalg.det(A) * size
+
+
+def null_vectors(J: Array) -> Array:
+    """Unit vectors t with J t = 0, (k, n), of matrices with one column more than rows."""
+    return np.asarray(np.linalg.qr(J.swapaxes(1, 2), mode="complete")[0][:, :, -1])
 
 
 def solved(A: Array, right: Array) -> Array:

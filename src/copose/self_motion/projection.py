@@ -1,15 +1,14 @@
-"""Closing the chain: joint positions of one arm projected onto its grasp, many at once."""
+"""Projection of joint positions onto the closure of one arm, many at once."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from copose.poses import Array
-from copose.self_motion.kernels import CLOSING_STEPS, ArmKernels
+from copose.self_motion.kernels import ArmKernels
 
+# The norm of a closure's residual up to which a posture holds the object, m and rad.
 CLOSED = 1e-9
-_EXACT = 1e-13
-_STEPS = 60
 
 
 def project(
@@ -19,10 +18,10 @@ def project(
     lower: Array,
     upper: Array,
     *,
-    steps: int = _STEPS,
-    closed: float = _EXACT,
+    steps: int = 60,
+    closed: float = 1e-13,
 ) -> tuple[Array, Array]:
-    """Damped Gauss–Newton steps onto {q : closure(q) = 0, lower ≤ q ≤ upper}.
+    """Projection onto {q : closure(q) = 0, lower ≤ q ≤ upper} by damped Gauss–Newton steps.
 
     With the object held still the arms close independently of one another, and an arm need not wait
     for the others' luck.
@@ -33,7 +32,7 @@ def project(
         goal: of the tip, see `Placement`, (7,) or one for each posture.
         lower: joint limits, −inf where there is none, (n,) or one for each posture.
         upper: alike.
-        steps: at most, in whole `CLOSING_STEPS`.
+        steps: at most, rounded up to a multiple of `ArmKernels.steps`.
         closed: a residual that needs no further step.
 
     Returns:
@@ -45,7 +44,7 @@ def project(
     rows[:, :n] = np.minimum(np.maximum(q, lower), upper)
     ends = kernels.closing(rows, goal)
     gaps = ends[:, n]
-    for _ in range(1, -(-steps // CLOSING_STEPS)):
+    for _ in range(1, -(-steps // kernels.steps)):
         active = np.flatnonzero(gaps > closed)
         if len(active) == 0:
             break

@@ -21,17 +21,19 @@ from copose.self_motion.kernels import ArmKernels
 from copose.self_motion.least_squares import nearest
 from copose.self_motion.projection import CLOSED, project
 
-_NEIGHBOURS = 3
-# Closed postures of which the first that stays within limits to the last digit is the seed's.
-_TRIED = 8
-_SAME = 1e-6
-# The batch by which some posture closes, limits aside, where any does, as a rule.
-_HOPED = 1
-# Random postures that are projected at a time where none closes, those of them that are brought as
-# near as they come, and how many of these may end in the nearest before no more are drawn.
-_DRAWN, _NEAREST, _MET = 128, 12, 12
-# What ends of them differ by that are one, and one that may yet close, m or rad.
-_ONE, _CLOSING = 1e-4, 1e-6
+
+@dataclass(frozen=True)
+class SamplingOptions:
+    """Sampling of closed postures, and the search for misses where none closes."""
+
+    seed_postures: int = 8  # of which the first that stays within limits is the seed's
+    same: float = 1e-6  # difference of joints that are the same, rad or m
+    hopeless: int = 1  # number of the batch after which misses are looked for if nothing has closed
+    missing_batch: int = 128  # random postures projected at a time where none closes
+    nearest: int = 12  # of them, brought as near as they come
+    repeated: int = 12  # of these, that end in the nearest miss before no more are drawn
+    one_miss: float = 1e-4  # difference of gaps that are one miss, m or rad
+    closing: float = 1e-6  # gap of a miss that may yet close, m or rad
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,24 +59,26 @@ class ArmSample:
 
 @dataclass(frozen=True, eq=False)
 class ArmSampler:
-    """Samples the self-motions of arm i of a cell.
+    """Sampler of the self-motions of arm i of a cell.
 
     Attributes:
         cell: with the object where it is.
         kernels: of the arm.
         i: its number.
         goal: of its tip, see `Placement`.
+        options: of sampling.
     """
 
     cell: Cell
     kernels: ArmKernels
     i: int
     goal: Array
+    options: SamplingOptions = SamplingOptions()
 
     def sample(
         self, rng: np.random.Generator, batch: int, batches: int, most: int, insistence: int
     ) -> ArmSample:
-        """Draw batches of postures until they have met every self-motion, to all appearance.
+        """Draw batches of postures until they seem to have met every self-motion.
 
         Args:
             rng: draws the postures.
@@ -88,32 +92,33 @@ class ArmSampler:
         loops = Loops(self.cell, self.kernels, self.i, self.goal)
         simple = self.kernels.n - self.kernels.m <= 1
         first = points = missed = np.zeros((0, self.kernels.n))
-        tried = found = 0
+        tried = closed = 0
         for number in range(batches):
             tried += batch
             q = loops.closed(self.draw(rng, batch))
-            found += len(q)
-            if number == _HOPED and not found and insistence:
+            closed += len(q)
+            if number == self.options.hopeless and not closed and insistence:
                 q, missed, drawn = self._insist(rng, insistence)
                 tried += drawn
                 if not len(q):
                     break
             if simple:
-                more = loops.add(q)
+                unfinished = loops.add(q)
             else:
                 points = np.vstack([points, self._kept(q)])
-                more = len(points) < most
+                unfinished = len(points) < most
             if len(first) == 0:
-                first = self._kept(q[self.cell.beyond(self.i, q) <= 0][:_TRIED], 0.0)[:1]
-            if not more:
+                inside = q[self.cell.beyond(self.i, q) <= 0]
+                first = self._kept(inside[: self.options.seed_postures], 0.0)[:1]
+            if not unfinished:
                 break
         if simple:
-            points = self._kept(loops.points, 2 * loops.spacing)
+            points = self._kept(loops.points, 2 * loops.options.spacing)
         start = self.cell.arms[self.i].start
         if start is not None:
             points = np.vstack([self._kept(start[None]), points])
         if len(first):
-            points = points[(np.abs(points - first) > _SAME).any(axis=1)]
+            points = points[(np.abs(points - first) > self.options.same).any(axis=1)]
         points = np.vstack([first, thinned(points, most)])
         if len(points) == 0 and insistence and not len(missed):
             points, missed, drawn = self._insist(rng, insistence)
@@ -132,11 +137,11 @@ class ArmSampler:
         return rng.uniform(low, high, (count, len(low)))
 
     def _kept(self, q: Array, near: float = np.inf) -> Array:
-        """What limits leave of closed postures, and those that end where a limit stops them.
+        """Closed postures within limits, (k, n), some of them projected onto a limit.
 
         Args:
             q: postures without regard to limits, (count, n).
-            near: how far beyond a limit a posture may be to be projected onto it.
+            near: distance beyond a limit up to which a posture is projected, rad (or m).
         """
         lower, upper = self.cell.lower[self.i], self.cell.upper[self.i]
         q = self.cell.folded(self.i, q)
@@ -155,7 +160,7 @@ class ArmSampler:
 
     @property
     def proved(self) -> bool:
-        """Whether a bound says that no posture holds the object."""
+        """True if a bound proves that no posture holds the object."""
         cell, i = self.cell, self.i
         return out_of_reach(
             cell.arms[i], cell.lower[i], cell.upper[i], self.goal, rigid=cell.system.space.rigid
@@ -167,38 +172,44 @@ class ArmSampler:
         return ArmSample(
             closed=nothing,
             neighbours=np.zeros((0, 0), dtype=np.intp),
-            tried=_DRAWN if insistence else 0,
+            tried=self.options.missing_batch if insistence else 0,
             branches=0 if self.kernels.n - self.kernels.m <= 1 else None,
-            missed=self._nearest(self.draw(rng, _DRAWN))[0] if insistence else nothing,
+            missed=self._nearest(self.draw(rng, self.options.missing_batch))[0]
+            if insistence
+            else nothing,
             proved=True,
         )
 
     def _nearest(self, drawn: Array) -> tuple[Array, Array]:
-        """Local minima of the gap that the nearest of some postures lead to, nearest first, and the
-        gaps.
-        """
+        """Local minima of the gap from the nearest postures drawn, least first, and the gaps."""
         lower, upper = self.cell.lower[self.i], self.cell.upper[self.i]
         q, gaps = project(self.kernels, drawn, self.goal, lower, upper, steps=12)
-        best = np.argsort(gaps, kind="stable")[:_NEAREST]
+        best = np.argsort(gaps, kind="stable")[: self.options.nearest]
         q, gaps = nearest(self.kernels, q[best], self.goal, lower, upper)
         order = np.argsort(gaps, kind="stable")
         return q[order], gaps[order]
 
     def _insist(self, rng: np.random.Generator, count: int) -> tuple[Array, Array, int]:
-        """Postures that close within limits after all, misses where none does, and how many were
-        drawn: no more once the nearest miss has been met again and again.
+        """The search for postures that close within limits after all.
+
+        It ends early once the nearest miss has been met again and again.
+
+        Returns:
+            Closed postures, misses where there are none, and the number of postures drawn.
         """
+        options = self.options
         lower, upper = self.cell.lower[self.i], self.cell.upper[self.i]
         drawn = ends = np.zeros((0, self.kernels.n))
         gaps = np.zeros(0)
         while len(drawn) < count:
-            more = self.draw(rng, _DRAWN)
-            drawn = np.vstack([drawn, more])
-            q, left = self._nearest(more)
+            batch = self.draw(rng, options.missing_batch)
+            drawn = np.vstack([drawn, batch])
+            q, left = self._nearest(batch)
             ends, gaps = np.vstack([ends, q]), np.concatenate([gaps, left])
-            if gaps.min() <= _CLOSING or (gaps <= gaps.min() + _ONE).sum() >= _MET:
+            one_miss = gaps <= gaps.min() + options.one_miss
+            if gaps.min() <= options.closing or one_miss.sum() >= options.repeated:
                 break
-        if gaps.min() <= _CLOSING:
+        if gaps.min() <= options.closing:
             drawn = np.vstack([drawn, self.draw(rng, max(0, count - len(drawn)))])
             q, left = project(self.kernels, np.vstack([ends, drawn]), self.goal, lower, upper)
             if (left < CLOSED).any():
@@ -206,9 +217,19 @@ class ArmSampler:
         return ends[:0], ends[np.argsort(gaps, kind="stable")], len(drawn)
 
 
-def neighbours(cell: Cell, kernels: ArmKernels, i: int, points: Array) -> Indices:
-    """Indices of the postures next to each of some of arm i, (count, n): (count, k)."""
-    k = min(_NEIGHBOURS * (kernels.n - kernels.m), len(points) - 1)
+def neighbours(
+    cell: Cell, kernels: ArmKernels, i: int, points: Array, each_way: int = 3
+) -> Indices:
+    """Indices of the postures next to each posture of arm i, (count, k).
+
+    Args:
+        cell: with the arm's limits.
+        kernels: of the arm.
+        i: its number.
+        points: postures, (count, n).
+        each_way: neighbours for every degree of freedom to spare.
+    """
+    k = min(each_way * (kernels.n - kernels.m), len(points) - 1)
     if k <= 0:
         return np.zeros((len(points), 0), dtype=np.intp)
     places = cell.embedded(i, points)
@@ -233,7 +254,7 @@ def held_sample(cell: Cell, kernels: ArmKernels, i: int, goal: Array) -> ArmSamp
 
 
 def thinned(points: Array, most: int) -> Array:
-    """At most so many of the points, evenly in their order."""
+    """Evenly spaced points of a sequence, at most so many."""
     if len(points) <= most:
         return points
     chosen = np.linspace(0, len(points) - 1, most).round().astype(int)

@@ -8,21 +8,19 @@ import numpy as np
 
 from copose.poses import Array, Mask
 
-_RANK = 1e-9
-
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """Where arms can move while they hold the object, and what keeps them from moving elsewhere.
+    """Tangent spaces of the closed postures of arms, with multipliers of closure and limits.
 
     Attributes:
         J: derivative of the closure, (count, m, n).
-        slope: of what is maximised, (count, n).
-        held: joints that a limit stops, (count, n).
+        slope: gradient of the objective, (count, n).
+        held: joints held at a limit, (count, n).
         basis: orthonormal rows, zero where limits leave fewer, (count, n − m, n).
         forces: multipliers of the closure, (count, m).
-        left: what they leave of the slope, (count, n): the multipliers of held joints, and at the
-            others what is still to gain.
+        left: slope − Jᵀ forces, (count, n): the multipliers of held joints, and of the others the
+            slope that is left along the tangent space.
     """
 
     J: Array
@@ -34,12 +32,13 @@ class Tangent:
 
     @classmethod
     def of(cls, J: Array, slope: Array, held: Mask) -> Tangent:
-        """From the singular values of J with the columns of held joints taken out."""
+        """The tangent spaces from singular value decompositions of J without held joints."""
+        rank = 1e-9  # ratio of a singular value to the largest that counts as zero
         any_held = held.any()
         U, s, V = np.linalg.svd(np.where(held[:, None], 0.0, J) if any_held else J)
         k = s.shape[1]
         inverse = np.zeros_like(s)
-        np.divide(1.0, s, out=inverse, where=s > _RANK * s[:, :1])
+        np.divide(1.0, s, out=inverse, where=s > rank * s[:, :1])
         along = (V[:, :k] @ slope[:, :, None])[:, :, 0] * inverse
         forces = (along[:, None] @ U[:, :, :k].swapaxes(1, 2))[:, 0]
         left = slope - (forces[:, None] @ J)[:, 0]
@@ -47,7 +46,7 @@ class Tangent:
         return cls(J, slope, held, basis, forces, left)
 
     def released(self, outward: Array) -> Tangent:
-        """With held joints that gain by leaving their limits let go, whichever gains most first.
+        """The same with the held joints let go that gain by leaving their limits, the most first.
 
         Args:
             outward: +1 at an upper limit, −1 at a lower one, (count, n).
@@ -67,11 +66,11 @@ class Tangent:
         return tangent
 
     def holding(self, more: Mask) -> Tangent:
-        """With more joints held, (count, n)."""
+        """The same with more joints held, (count, n)."""
         return Tangent.of(self.J, self.slope, self.held | more) if more.any() else self
 
     def taken(self, rows: Mask) -> Tangent:
-        """Those of some arms."""
+        """The tangent spaces of some arms."""
         return Tangent(
             self.J[rows], self.slope[rows], self.held[rows], self.basis[rows], self.forces[rows],
             self.left[rows],
@@ -79,7 +78,7 @@ class Tangent:
 
 
 def _free_part(null: Array, held: Mask) -> Array:
-    """Of the null space of a matrix with held columns taken out, the part that moves no held joint.
+    """The part of a null space that moves no held joint, orthonormal rows, (count, d, n).
 
     Args:
         null: orthonormal rows, (count, d, n), that span it together with the held directions.

@@ -1,4 +1,4 @@
-"""Self-motions with several degrees of freedom, explored by walks from posture to posture.
+"""Walks along self-motions with several degrees of freedom, from closed posture to posture.
 
 {q : closure(q) = 0, lower ≤ q ≤ upper} of an arm with two or more degrees of freedom to spare is a
 surface. A walk heads for a posture in the tangent space of the surface where it is and returns onto
@@ -8,67 +8,93 @@ connected; that none arrives tells nothing.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from copose.poses import Array, Mask
 from copose.self_motion.manifold import ClosureManifold
 from copose.self_motion.projection import CLOSED, project
 
-_STEP, _SHORTEST, _MOST = 0.25, 0.015, 80
-# Of a step: what returning onto the surface may move it by, and how much nearer it must come.
-_ASIDE, _NEARER = 0.35, 0.1
-_SAME = 1e-6
-_DAMPING = 1e-12
-# Postures of a graph beside the two that count, and towards how many others each of them walks.
-_TRIES = 3
+
+@dataclass(frozen=True)
+class WalkOptions:
+    """Steps of a walk; lengths are norms of differences of joints, rad (or m)."""
+
+    longest: float = 0.25  # step
+    shortest: float = 0.015  # step: where it would be shorter the walk ends
+    steps: int = 80  # at most
+    projections: int = 6  # Gauss–Newton steps back onto the surface
+    closed: float = 1e-2 * CLOSED  # residual that needs no further step, m or rad
+    aside: float = 0.35  # displacement by the projection, over the step's length, at most
+    nearer: float = 0.1  # approach to the target, over the step's length, at least
+    growth: float = 1.5  # of the step after one that counts
+    same: float = 1e-6  # rates and displacements that are rounding
+    damping: float = 1e-12  # of J Jᵀ, of its trace, where it is singular
 
 
-def walk(rails: ClosureManifold, q: Array, to: Array) -> tuple[Mask, list[Array]]:
-    """Walks from closed postures to others, (k, n).
+def walk(
+    rails: ClosureManifold, q: Array, to: Array, options: WalkOptions = WalkOptions()
+) -> tuple[Mask, list[Array]]:
+    """Walks from closed postures to others.
+
+    Args:
+        rails: of the arms.
+        q: where the walks start, (k, n).
+        to: where they head, (k, n).
+        options: of the steps.
 
     Returns:
-        Which arrive, (k,), and where they were after every step, (k, n) each, the last at the other
-        posture where they did.
+        Which arrive, (k,), and the postures after every step, (k, n) each, in the end the target of
+        those that arrive.
     """
-    x, length = q.copy(), np.full(len(q), _STEP)
+    x, length = q.copy(), np.full(len(q), options.longest)
     trail, arrived = [q], np.zeros(len(q), dtype=bool)
     going = ~arrived
-    for _ in range(_MOST):
+    for _ in range(options.steps):
         rows = np.flatnonzero(going)
         if not len(rows):
             break
-        mine, here = rails.taken(rows), x[rows]
-        # What a start has of a margin it may only leave.
-        mine.lower[:], mine.upper[:] = np.minimum(mine.lower, here), np.maximum(mine.upper, here)
-        offset = mine.wrapped(to[rows] - here)
+        known = x[rows]
+        # A start beyond limits may only come back.
+        going_on = rails.taken(rows).widened(known)
+        offset = going_on.wrapped(to[rows] - known)
         distance = np.linalg.norm(offset, axis=1)
         last = distance <= length[rows]
-        direction = np.where(last[:, None], offset / 2, _along(mine, here, offset))
+        direction = np.where(last[:, None], offset / 2, _along(going_on, known, offset, options))
         speed = np.linalg.norm(direction, axis=1)
         far = np.where(last, speed, np.minimum(length[rows], speed))
         scale = np.divide(far, speed, out=np.zeros_like(far), where=speed > 0)
-        guess = here + scale[:, None] * direction
+        guess = known + scale[:, None] * direction
         ends, gaps = project(
-            mine.kernels, guess, mine.goals, mine.lower, mine.upper, steps=6, closed=CLOSED * 1e-2
+            going_on.kernels,
+            guess,
+            going_on.goals,
+            going_on.lower,
+            going_on.upper,
+            steps=options.projections,
+            closed=options.closed,
         )
-        left = np.linalg.norm(mine.wrapped(to[rows] - ends), axis=1)
-        good = (gaps <= CLOSED) & (np.linalg.norm(ends - guess, axis=1) <= _ASIDE * far + _SAME)
-        # Half way to a posture that is near the surface must be where it seems to be.
-        good &= last | (left < distance - _NEARER * far)
+        left = np.linalg.norm(going_on.wrapped(to[rows] - ends), axis=1)
+        aside = np.linalg.norm(ends - guess, axis=1)
+        good = (gaps <= CLOSED) & (aside <= options.aside * far + options.same)
+        # The last step is to a posture half way, which must be where it seems to be.
+        good &= last | (left < distance - options.nearer * far)
         done = good & last
-        ends[done] = here[done] + offset[done]
+        ends[done] = known[done] + offset[done]
         arrived[rows[done]] = True
         going[rows[done]] = False
         x[rows[good]] = ends[good]
         length[rows[~good]] = np.minimum(length[rows[~good]], far[~good]) / 2
-        length[rows[good]] = np.minimum(1.5 * length[rows[good]], _STEP)
-        going[rows[(length[rows] < _SHORTEST) & ~done]] = False
+        length[rows[good]] = np.minimum(options.growth * length[rows[good]], options.longest)
+        going[rows[(length[rows] < options.shortest) & ~done]] = False
         trail.append(x.copy())
     return arrived, trail
 
 
-def _along(rails: ClosureManifold, q: Array, offset: Array) -> Array:
+def _along(rails: ClosureManifold, q: Array, offset: Array, options: WalkOptions) -> Array:
     """Parts of differences, (k, n), in the tangent spaces, that push no joint through a limit."""
+    same = options.same
     _, J = rails.kernels.residual(q, rails.goals)
     direction = offset
     free = np.ones_like(q)
@@ -77,25 +103,27 @@ def _along(rails: ClosureManifold, q: Array, offset: Array) -> Array:
         open_ = J * free[:, None]
         square = open_ @ open_.swapaxes(1, 2)
         size = np.trace(square, axis1=1, axis2=2)[:, None, None]
-        square += (_DAMPING * size + 1e-100) * np.eye(square.shape[1])
+        square += (options.damping * size + 1e-100) * np.eye(square.shape[1])
         force = np.linalg.solve(square, open_ @ direction[:, :, None])
         direction = direction - (open_.swapaxes(1, 2) @ force)[:, :, 0]
-        pushed = (q <= rails.lower) & (direction < -_SAME) | (q >= rails.upper) & (
-            direction > _SAME
-        )
+        pushed = (q <= rails.lower) & (direction < -same)
+        pushed |= (q >= rails.upper) & (direction > same)
         if not pushed.any():
             break
         free[pushed] = 0.0
     return np.asarray(direction * free)
 
 
-def connected(rails: ClosureManifold, nodes: Array, only: int | None = None) -> Mask:
-    """Which closed postures of one arm, (count, n), walks connect with the first.
+def connected(
+    rails: ClosureManifold, nodes: Array, only: int | None = None, attempts: int = 3
+) -> Mask:
+    """Closed postures of one arm that walks connect with the first, as a mask, (count,).
 
     Args:
         rails: of the arm, (1, n).
-        nodes: the postures.
+        nodes: the postures, (count, n).
         only: one whose connection ends the search.
+        attempts: postures towards which, or from which, each posture walks.
     """
     count = len(nodes)
     reached = np.zeros(count, dtype=bool)
@@ -106,20 +134,20 @@ def connected(rails: ClosureManifold, nodes: Array, only: int | None = None) -> 
     tried = np.eye(count, dtype=bool)
     tries = np.zeros(count, dtype=int)
     while True:
-        new = np.flatnonzero(~reached & (tries < _TRIES))
+        new = np.flatnonzero(~reached & (tries < attempts))
         if not len(new) or (only is not None and reached[only]):
             return reached
         apart = np.where(reached & ~tried[new], distances[new], np.inf)
         nearest = apart.argmin(axis=1)
-        some = np.isfinite(apart[np.arange(len(new)), nearest])
-        new, nearest = new[some], nearest[some]
+        untried = np.isfinite(apart[np.arange(len(new)), nearest])
+        new, nearest = new[untried], nearest[untried]
         if not len(new):
             return reached
         tried[new, nearest] = True
         tries[new] += 1
-        many = rails.taken(np.zeros(len(new), dtype=np.intp))
-        there, _ = walk(many, nodes[new], nodes[nearest])
-        back = np.flatnonzero(~there)
+        many = rails.many(len(new))
+        arrived, _ = walk(many, nodes[new], nodes[nearest])
+        back = np.flatnonzero(~arrived)
         if len(back):
-            there[back] = walk(many.taken(back), nodes[nearest[back]], nodes[new[back]])[0]
-        reached[new[there]] = True
+            arrived[back] = walk(many.taken(back), nodes[nearest[back]], nodes[new[back]])[0]
+        reached[new[arrived]] = True

@@ -1,4 +1,4 @@
-"""The arms in a robot's tree: which branches are arms, where they end, and what they share."""
+"""Arms in the tree of a robot's joints: their branches, tips, and locked joints."""
 
 from __future__ import annotations
 
@@ -9,36 +9,43 @@ from functools import cached_property
 
 from copose.robots.files.tree import MOVABLE, Tree, TreeJoint
 
-# Joints that an arm has at least, and those above a hand of several fingers.
-FEWEST = 3
-_ABOVE_HAND = 4
-# Joints that the longest finger has.
-_FINGER = 4
-# What an arm must keep for a joint to be locked by its name alone.
-_PLENTY = 6
-# A range that is none, rad or m.
-_ENDLESS = 1e6
 
-_LEGS = {
-    "leg", "hip", "knee", "ankle", "foot", "thigh", "calf", "shank", "toe", "haa", "hfe", "kfe",
-    "wheel", "caster", "rotor", "propeller",
-}  # fmt: skip
-_HEADS = {"head", "neck", "eye", "eyes", "ear", "ears", "camera", "laser", "lidar", "antenna"}
-_FINGERS = {"finger", "fingers", "thumb", "index", "pinky", "knuckle", "jaw", "claw", "fingertip"}
-# A link of that name may be the whole gripper, but a joint of that name opens it.
-_OPENS = {"gripper", "grip"}
-_TRUNK = {"torso", "waist", "trunk", "chest", "spine", "lumbar"}
-_NO_TIP = {
-    "camera", "sensor", "imu", "ft", "force", "optical", "inertia", "inertial", "com", "collision",
-    "cover",
-}  # fmt: skip
-# Names of frames to grasp with, the best first.
-_TIPS = (
-    {"tcp", "tool0", "tool", "grasping", "grasp"},
-    {"ee", "eef", "effector", "endeffector"},
-    {"palm", "hand", "gripper"},
-    {"flange"},
-)
+@dataclass(frozen=True)
+class ChainOptions:
+    """Sizes and words by which arms are told from legs, heads and fingers.
+
+    Words are those of names of joints and links, see `words`.
+    """
+
+    fewest: int = 3  # joints of an arm
+    above_hand: int = 4  # joints above a hand of several fingers, at least
+    finger: int = 4  # joints of the longest finger
+    plenty: int = 6  # joints that an arm keeps where one is locked by its name alone
+    endless: float = 1e6  # range that is none, rad or m
+    legs: frozenset[str] = frozenset({
+        "leg", "hip", "knee", "ankle", "foot", "thigh", "calf", "shank", "toe", "haa", "hfe", "kfe",
+        "wheel", "caster", "rotor", "propeller",
+    })  # fmt: skip
+    heads: frozenset[str] = frozenset({
+        "head", "neck", "eye", "eyes", "ear", "ears", "camera", "laser", "lidar", "antenna",
+    })  # fmt: skip
+    fingers: frozenset[str] = frozenset({
+        "finger", "fingers", "thumb", "index", "pinky", "knuckle", "jaw", "claw", "fingertip",
+    })  # fmt: skip
+    # A link of that name may be the whole gripper, but a joint of that name opens it.
+    grippers: frozenset[str] = frozenset({"gripper", "grip"})
+    trunk: frozenset[str] = frozenset({"torso", "waist", "trunk", "chest", "spine", "lumbar"})
+    no_tip: frozenset[str] = frozenset({
+        "camera", "sensor", "imu", "ft", "force", "optical", "inertia", "inertial", "com",
+        "collision", "cover",
+    })  # fmt: skip
+    # Names of frames to grasp with, the best first.
+    tips: tuple[frozenset[str], ...] = (
+        frozenset({"tcp", "tool0", "tool", "grasping", "grasp"}),
+        frozenset({"ee", "eef", "effector", "endeffector"}),
+        frozenset({"palm", "hand", "gripper"}),
+        frozenset({"flange"}),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +71,7 @@ class Chain:
 
     @cached_property
     def side(self) -> str:
-        """``left`` or ``right`` where names say so, else empty."""
+        """The side of the arm, ``left`` or ``right``, by its names, else empty."""
         for side in ("left", "right"):
             named = [_says(side, joint.name, joint.child) for joint in self.joints]
             if sum(named) > len(named) / 2 or _says(side, self.tip):
@@ -78,68 +85,77 @@ def words(name: str) -> list[str]:
 
 
 def _says(side: str, *names: str) -> bool:
+    """True if a word of some names is a side or its first letter."""
     return any(word in (side, side[0]) for name in names for word in words(name))
 
 
-def find_chains(tree: Tree, named: Collection[str] = ()) -> list[Chain]:
-    """The arms of a robot, in file order; legs, heads, fingers and wheels are none.
+def find_chains(
+    tree: Tree, named: Collection[str] = (), options: ChainOptions = ChainOptions()
+) -> list[Chain]:
+    """The arms of a robot, in file order, without legs, heads, fingers and wheels.
 
     Args:
         tree: the robot's.
-        named: links that somebody calls tips.
+        named: links that an SRDF calls tips.
+        options: sizes and words.
     """
-    branches = _Branches(tree)
+    branches = _Branches(tree, options)
     ends = branches.ends
     shared = {
         joint.name
         for joint in (joint for path in ends for joint in path)
         if sum(joint in path for path in ends) > 1
     }
-    found = []
+    chains = []
     for path in ends:
         own = [joint for joint in path if joint.name not in shared]
-        if len(own) < FEWEST or _named(own, _LEGS) or _named(own, _HEADS):
+        if len(own) < options.fewest or _named(own, options.legs) or _named(own, options.heads):
             continue
-        tip, why = _tip(tree, branches, own[-1], named)
-        found.append(_chain(tree, tip, why, shared))
-    return found
+        tip, why = _tip(tree, own[-1], named, options)
+        chains.append(_chain(tree, tip, why, shared, options))
+    return chains
 
 
-def chain_to(tree: Tree, tip: str, others: Sequence[str] = ()) -> Chain:
+def chain_to(
+    tree: Tree, tip: str, others: Sequence[str] = (), options: ChainOptions = ChainOptions()
+) -> Chain:
     """The arm that ends in a link.
 
     Args:
         tree: the robot's.
-        tip: its link.
-        others: tips of the robot's other arms: what they share is locked.
+        tip: the link.
+        others: tips of the robot's other arms: joints that they share are locked.
+        options: sizes and words.
 
     Raises:
         InputError: there is no such link.
     """
     tree.chain(tree.root, tip)
-    ends = [*_Branches(tree).ends, *(tree.ancestors(other) for other in others if other != tip)]
-    mine = [joint.name for joint in tree.ancestors(tip)]
+    ends = [*_Branches(tree, options).ends]
+    ends += [tuple(tree.ancestors(other)) for other in others if other != tip]
+    above = [joint.name for joint in tree.ancestors(tip)]
     kept: list[set[str]] = [{joint.name for joint in path} for path in ends]
     # The branch that the arm itself is part of shares nothing with it.
-    longest = max((sum(name in path for name in mine) for path in kept), default=0)
-    kept = [path for path in kept if sum(name in path for name in mine) < longest]
+    longest = max((sum(name in path for name in above) for path in kept), default=0)
+    kept = [path for path in kept if sum(name in path for name in above) < longest]
     kept += [{joint.name for joint in tree.ancestors(other)} for other in others if other != tip]
-    shared = {name for name in mine if any(name in path for path in kept)}
-    return _chain(tree, tip, "as asked", shared)
+    shared = {name for name in above if any(name in path for path in kept)}
+    return _chain(tree, tip, "as asked", shared, options)
 
 
 @dataclass(frozen=True, eq=False)
 class _Branches:
-    """A tree's free joints without fingers."""
+    """Branches of the free joints of a tree, without fingers."""
 
     tree: Tree
+    options: ChainOptions
 
     @cached_property
     def fingers(self) -> set[str]:
-        """Joints that follow others, lead them, or are called fingers."""
+        """Names of the joints that follow others, lead them, or are called fingers."""
         movable = self.tree.movable.values()
         leaders = {joint.mimic.leader for joint in movable if joint.mimic}
-        called = {joint.name for joint in movable if _is_finger(joint)}
+        called = {joint.name for joint in movable if _is_finger(joint, self.options)}
         if len(called) == len(movable):
             return leaders | {joint.name for joint in movable if joint.mimic}
         # What hangs on one palm with a finger is one.
@@ -149,28 +165,28 @@ class _Branches:
 
     @cached_property
     def body(self) -> dict[str, str]:
-        """By link the uppermost link that fixed joints alone tie it to."""
-        found = {self.tree.root: self.tree.root}
+        """The uppermost link of the rigid body that each link is part of, by link."""
+        bodies = {self.tree.root: self.tree.root}
         for joint in self.tree.order:
-            found[joint.child] = found[joint.parent] if joint.kind == "fixed" else joint.child
-        return found
+            bodies[joint.child] = bodies[joint.parent] if joint.kind == "fixed" else joint.child
+        return bodies
 
     @cached_property
     def above(self) -> dict[str, tuple[TreeJoint, ...] | None]:
-        """By link the free joints above it, from the root; None of what fingers move."""
-        found: dict[str, tuple[TreeJoint, ...] | None] = {self.tree.root: ()}
+        """Free joints above each link, from the root; None of links that fingers move."""
+        paths: dict[str, tuple[TreeJoint, ...] | None] = {self.tree.root: ()}
         for joint in self.tree.order:
-            path = found[joint.parent]
+            path = paths[joint.parent]
             if path is not None and joint.kind in MOVABLE:
                 path = None if joint.name in self.fingers else (*path, joint)
             elif path is not None and joint.kind != "fixed":
                 path = ()
-            found[joint.child] = path
-        return found
+            paths[joint.child] = path
+        return paths
 
     @cached_property
     def ends(self) -> list[tuple[TreeJoint, ...]]:
-        """Ways from the root to the last joint of every branch, in file order."""
+        """Joints from the root to the end of every branch, in file order."""
         paths = [path for path in self.above.values() if path]
         behind: dict[str, set[str]] = {}
         length: dict[str, int] = {}
@@ -184,8 +200,8 @@ class _Branches:
         cut: set[str] = set()
         for path in paths:
             after = behind.get(path[-1].name, set())
-            short = all(length[name] <= _FINGER for name in after)
-            if len(after) > 1 and short and len(path) >= _ABOVE_HAND:
+            short = all(length[name] <= self.options.finger for name in after)
+            if len(after) > 1 and short and len(path) >= self.options.above_hand:
                 cut |= after
         kept = {
             path[-1].name: path for path in paths if not any(joint.name in cut for joint in path)
@@ -194,7 +210,8 @@ class _Branches:
         return [path for name, path in kept.items() if name not in inner]
 
 
-def _chain(tree: Tree, tip: str, why: str, shared: Collection[str]) -> Chain:
+def _chain(tree: Tree, tip: str, why: str, shared: Collection[str], options: ChainOptions) -> Chain:
+    """The arm to a tip; joints that are shared, of the trunk, or without a range are locked."""
     path = tree.ancestors(tip)[::-1]
     root = tree.root
     for joint in path:
@@ -205,16 +222,17 @@ def _chain(tree: Tree, tip: str, why: str, shared: Collection[str]) -> Chain:
     locked: list[tuple[TreeJoint, float, str]] = []
     for joint in movable:
         text, only_locked = "", len(locked) == movable.index(joint)
+        left = len(movable) - len(locked)
         if joint.name in shared:
             text = "it moves more than this arm"
-        elif _named([joint], _TRUNK) and len(movable) - len(locked) > _PLENTY and only_locked:
+        elif only_locked and _named([joint], options.trunk) and left > options.plenty:
             text = "it moves the trunk"
         elif joint.kind != "continuous" and not joint.lower < joint.upper:
             text = "it has no range"
-        elif joint.kind == "prismatic" and joint.upper - joint.lower >= _ENDLESS:
+        elif joint.kind == "prismatic" and joint.upper - joint.lower >= options.endless:
             text = "it has no limits"
         if text:
-            locked.append((joint, _middle(joint), text))
+            locked.append((joint, _middle(joint, options.endless), text))
     held = {joint.name for joint, *_ in locked}
     free = tuple(joint for joint in movable if joint.name not in held)
     names = [joint.name for joint in free]
@@ -226,9 +244,9 @@ def _chain(tree: Tree, tip: str, why: str, shared: Collection[str]) -> Chain:
     return Chain(tree, root, tip, why, free, tuple(locked))
 
 
-def _middle(joint: TreeJoint) -> float:
-    """Upright where that is within a joint's range, else, and of a lift, its middle."""
-    if joint.kind == "continuous" or joint.upper - joint.lower >= _ENDLESS:
+def _middle(joint: TreeJoint, endless: float) -> float:
+    """Position of a locked joint: upright if its range allows; else, or of a lift, the middle."""
+    if joint.kind == "continuous" or joint.upper - joint.lower >= endless:
         return 0.0
     if joint.kind == "revolute" and joint.lower <= 0 <= joint.upper:
         return 0.0
@@ -236,10 +254,10 @@ def _middle(joint: TreeJoint) -> float:
 
 
 def _tip(
-    tree: Tree, branches: _Branches, last: TreeJoint, named: Collection[str]
+    tree: Tree, last: TreeJoint, named: Collection[str], options: ChainOptions
 ) -> tuple[str, str]:
-    """The link behind an arm's last joint to grasp with, and how it was found."""
-    # Links of one rigid body with what the joint moves, and those of them that fingers hang on.
+    """The link to grasp with behind an arm's last joint, and how it was found."""
+    # Links of the rigid body that the joint moves, and those of them that fingers hang on.
     body = [last.child]
     for joint in tree.order:
         if joint.parent in body and joint.kind == "fixed":
@@ -248,13 +266,13 @@ def _tip(
     for link in reversed(body):
         if link in named:
             return link, "as the SRDF names it"
-    fit = [link for link in body if not _NO_TIP.intersection(words(link))] or body
+    fit = [link for link in body if not options.no_tip.intersection(words(link))] or body
     for link in fit:
-        if _TIPS[0].intersection(words(link)):
+        if options.tips[0].intersection(words(link)):
             return link, "by its name"
     if hands:
         return hands[-1], "the last link before the fingers"
-    for called in _TIPS[1:]:
+    for called in options.tips[1:]:
         for link in reversed(fit):
             if called.intersection(words(link)):
                 return link, "by its name"
@@ -262,16 +280,19 @@ def _tip(
 
 
 def _leaves(tree: Tree, links: Iterable[str]) -> list[str]:
+    """Links that no joint hangs on."""
     parents = {joint.parent for joint in tree.joints.values()}
     return [link for link in links if link not in parents]
 
 
-def _is_finger(joint: TreeJoint) -> bool:
-    return _named([joint], _FINGERS) or bool(_OPENS.intersection(words(joint.name)))
+def _is_finger(joint: TreeJoint, options: ChainOptions) -> bool:
+    """True if a joint moves a finger or opens a gripper, by its names."""
+    named = options.grippers.intersection(words(joint.name))
+    return _named([joint], options.fingers) or bool(named)
 
 
 def _named(joints: Iterable[TreeJoint], called: Collection[str]) -> bool:
-    """Whether a joint or the link that it moves bears one of some words."""
+    """True if the name of a joint, or of the link that it moves, has one of some words."""
     return any(
         word in called
         for joint in joints

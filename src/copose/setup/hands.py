@@ -1,4 +1,4 @@
-"""Hands: which way they approach, and how far they reach beyond the frame that grasps."""
+"""Hands: their approach axis, and their reach beyond the frame that grasps."""
 
 from __future__ import annotations
 
@@ -11,14 +11,10 @@ from copose.poses import Array, Pose
 from copose.robots import Arm
 from copose.robots.robot import Robot
 
-# What no hand reaches beyond its frame, m, and what is no way, m.
-_LONGEST, _NO_WAY = 0.25, 0.01
-_NAMES = ("x", "y", "z")
-
 
 @dataclass(frozen=True, eq=False)
 class Hand:
-    """How a hand comes to what it grasps.
+    """The approach axis and the reach of a hand.
 
     Attributes:
         axis: of the tip's frame, (3,): one of ±x, ±y, ±z.
@@ -32,20 +28,22 @@ class Hand:
 
     @property
     def name(self) -> str:
-        """The axis in words."""
+        """The approach axis in words."""
         k = int(np.abs(self.axis).argmax())
-        return ("−" if self.axis[k] < 0 else "+") + _NAMES[k]
+        return ("−" if self.axis[k] < 0 else "+") + "xyz"[k]
 
     @classmethod
     def of(cls, robot: Robot, shapes: LinkShapes, arm: Arm, locked: dict[str, float]) -> Hand:
-        """From where the wrist is, where the hand's shapes are, and where its tip is.
+        """The hand of an arm, by its wrist, its shapes and its tip.
 
         Args:
-            robot: whose hand.
+            robot: the robot.
             shapes: of its links.
             arm: in the robot.
-            locked: joints that are held.
+            locked: positions of joints that are held, by name.
         """
+        longest = 0.25  # reach of a hand, m
+        no_way = 0.01  # distance that shows no direction, m
         names = arm.joint_names
         placed = robot.tree.placed(robot.tree.standing(locked, names).at, names)
         points = [np.zeros((0, 3))]
@@ -63,21 +61,21 @@ class Hand:
         wrist = to_tip.position
         middle = (hand.min(axis=0) + hand.max(axis=0)) / 2 if len(hand) else wrist
         way = middle - 2 * wrist
-        if float(np.linalg.norm(wrist)) < _NO_WAY:
+        if float(np.linalg.norm(wrist)) < no_way:
             # Flanges bear the last joint's own origin: they face along its axis, away from the
             # joint before, or where that is level with it, to where the hand is.
             spin = to_tip.rotation @ arm.joints[-1].axis
             before = (to_tip @ arm.joints[-1].placement.inverse()).position
             ahead = -float(before @ spin) if len(arm.joints) > 1 else 0.0
-            way = spin * (ahead if abs(ahead) > _NO_WAY else float(middle @ spin))
+            way = spin * (ahead if abs(ahead) > no_way else float(middle @ spin))
         k = int(np.abs(way).argmax())
         axis = np.zeros(3)
         axis[k] = np.sign(way[k])
-        guess = abs(way[k]) < _NO_WAY
+        guess = abs(way[k]) < no_way
         if guess:
             axis = np.array([0.0, 0.0, 1.0])
         reach = float((hand @ axis).max()) if len(hand) else 0.0
-        return cls(axis, round(min(max(reach, 0.0), _LONGEST), 3), guess)
+        return cls(axis, round(min(max(reach, 0.0), longest), 3), guess)
 
 
 def toward(hand: Hand, direction: Array, roll: float) -> Pose:

@@ -1,4 +1,4 @@
-"""From robots to a first problem file."""
+"""A first problem file for robots: arms, bases, the object's place, and grasps are guessed."""
 
 from __future__ import annotations
 
@@ -19,42 +19,16 @@ from copose.loader import parse
 from copose.objectives.build import objective_of
 from copose.poses import Array, Pose
 from copose.posture.start_postures import starts
-from copose.problem import SCHEMA
 from copose.progress import stage
 from copose.robots import Arm, ArmStart
 from copose.self_motion.kernels import ArmKernels
-from copose.setup.chains import FEWEST
+from copose.setup.chains import ChainOptions
 from copose.setup.grasps import Holding, choose
 from copose.setup.hands import Hand
-from copose.setup.layout import APART, Reach, bases, places
-from copose.setup.problem_text import ProblemText, number, placement, plain_line
+from copose.setup.layout import Reach, bases, places
+from copose.setup.problem_text import number
+from copose.setup.problem_writer import BoxOptions, Wishes, Writer
 from copose.setup.robot_entries import NamedArm, RobotEntry, named_arms
-
-# Joints that holding the object's orientation takes.
-_RIGID = 6
-# The longest edge of a box, m, and as a part of the shortest reach; masses, kg, of boxes for arms
-# that are longer than so many m, and for others.
-_EDGE, _EDGE_SHARE = 0.3, 0.3
-_MASS, _LIGHT, _LONG = 1.0, 0.1, 0.5
-
-
-@dataclass(frozen=True, eq=False)
-class Wishes:
-    """What a command line says that is then not guessed.
-
-    Attributes:
-        tips: ``link`` or ``name=link``.
-        joints: by arm.
-        mass: of the object, kg.
-        size: of the box that it is, m.
-        space: of the task.
-    """
-
-    tips: Sequence[str] = ()
-    joints: Mapping[str, Sequence[float]] | None = None
-    mass: float | None = None
-    size: Sequence[float] | None = None
-    space: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,15 +47,12 @@ class Draft:
 
 
 def default_name(robots: Sequence[str]) -> str:
-    """What a problem of some robots is called: ``baxter``, ``two-panda``, ``panda-ur5``."""
+    """The name of a problem of some robots: ``baxter``, ``two-panda``, ``panda-ur5``."""
     stems = [Path(robot).stem for robot in robots]
     if len(stems) > 1 and len({*stems}) == 1:
-        return f"{_COUNTS.get(len(stems), len(stems))}-{stems[0]}"
-    return "-".join(stems)[:_LONGEST_NAME]
-
-
-_LONGEST_NAME = 60
-_COUNTS = {2: "two", 3: "three", 4: "four"}
+        count = {2: "two", 3: "three", 4: "four"}.get(len(stems), len(stems))
+        return f"{count}-{stems[0]}"
+    return "-".join(stems)[:60]
 
 
 @one_at_a_time
@@ -91,7 +62,7 @@ def draft(robots: Sequence[str], file: Path, wishes: Wishes) -> Draft:
     Args:
         robots: URDFs and MuJoCo models, as `RobotEntry.of` takes them.
         file: that it will be written to.
-        wishes: what is not guessed.
+        wishes: parts that are not guessed.
 
     Raises:
         InputError: a robot cannot be used, or has no arms, or a wish does not fit.
@@ -103,7 +74,7 @@ def draft(robots: Sequence[str], file: Path, wishes: Wishes) -> Draft:
     taught = _taught(cell, wishes.joints)
     shapes = {k: LinkShapes.of(entry.robot, measured=True) for k, entry in enumerate(entries)}
     hands = [
-        Hand.of(entries[arm.robot].robot, shapes[arm.robot], chain, _locked(arm))
+        Hand.of(entries[arm.robot].robot, shapes[arm.robot], chain, arm.locked)
         for arm, chain in zip(arms, cell.arms, strict=True)
     ]
     reaches = [Reach.of(arm) for arm in cell.arms]
@@ -116,24 +87,24 @@ def draft(robots: Sequence[str], file: Path, wishes: Wishes) -> Draft:
         replace(chain, base=stands[arm.robot]) for arm, chain in zip(arms, cell.arms, strict=True)
     )
     shortest = min(reach.length for reach in reaches)
-    size = np.array(wishes.size) if wishes.size is not None else _box(shortest)
+    size = np.array(wishes.size) if wishes.size is not None else _box(shortest, BoxOptions())
     if taught is not None:
         holding = _taught_holding(standing, taught)
     else:
         stage("choosing grasps")
         placed = cell.with_places(cell.problem, standing)
         holding = choose(placed, _kernels(cell), hands, places(stands, by_robot), size)
-    file_text = _Writer(entries, arms, standing, hands, holding, stands, by_robot)
+    file_text = Writer(entries, arms, standing, hands, holding, stands, by_robot)
     text = file_text.write(cell, wishes, default_name(robots), size, shortest, taught is not None)
     made = _read(tomllib.loads(text.text), file)
     return Draft(text.text, tuple(text.guesses), starts(made))
 
 
 def _read(tables: Mapping[str, Any], file: Path) -> Cell:
-    """A problem file that is not there yet.
+    """The cell of a problem file that is not written yet.
 
     Raises:
-        InputError: as for a file, which it does not name.
+        InputError: as for a file, without its name.
     """
     try:
         return Cell.of(parse(tables, source=file))
@@ -142,20 +113,22 @@ def _read(tables: Mapping[str, Any], file: Path) -> Cell:
 
 
 def _space(arms: Sequence[NamedArm]) -> str:
+    """The task space that all arms have enough joints for.
+
+    Raises:
+        InputError: an arm has too few for any.
+    """
     fewest = min(arms, key=lambda arm: len(arm.chain.joints))
     count = len(fewest.chain.joints)
-    if count < FEWEST:
+    if count < ChainOptions.fewest:
         named = ", ".join(joint.name for joint in fewest.chain.joints)
         raise InputError(
             f"arm {fewest.name!r} to {fewest.chain.tip!r} has {count} free joints ({named}); "
-            f"{FEWEST} are needed at least",
+            f"{ChainOptions.fewest} are needed at least",
             key="--tip",
         )
-    return "spatial" if count >= _RIGID else "spatial-linear"
-
-
-def _locked(arm: NamedArm) -> dict[str, float]:
-    return {joint.name: position for joint, position, _ in arm.chain.locked}
+    # Holding the object's orientation takes six joints.
+    return "spatial" if count >= 6 else "spatial-linear"
 
 
 def _cell(entries: Sequence[RobotEntry], arms: Sequence[NamedArm], space: str, file: Path) -> Cell:
@@ -169,7 +142,7 @@ def _cell(entries: Sequence[RobotEntry], arms: Sequence[NamedArm], space: str, f
                 entries[arm.robot].key: entries[arm.robot].place,
                 "root": chain.root,
                 "tip": chain.tip,
-                "locked": _locked(arm),
+                "locked": arm.locked,
                 "base": {"position": [100.0 * arm.robot, 0.0, 0.0]},
                 "grasp": {"position": [0.0, 0.0, 0.0]},
             }
@@ -190,6 +163,7 @@ def _cell(entries: Sequence[RobotEntry], arms: Sequence[NamedArm], space: str, f
 
 
 def _kernels(cell: Cell) -> list[ArmKernels]:
+    """Kernels by arm, the same for arms of one model."""
     sums = objective_of(cell).sums
     known: dict[bytes, ArmKernels] = {}
     for arm, mechanics in zip(cell.arms, cell.system.arms, strict=True):
@@ -198,13 +172,14 @@ def _kernels(cell: Cell) -> list[ArmKernels]:
     return [known[arm.fingerprint] for arm in cell.arms]
 
 
-def _box(shortest: float) -> Array:
-    edge = max(round(min(_EDGE, _EDGE_SHARE * shortest), 2), 0.02)
+def _box(shortest: float, options: BoxOptions) -> Array:
+    """Edges of the guessed box for a shortest reach, m, (3,)."""
+    edge = max(round(min(options.edge, options.edge_share * shortest), 2), 0.02)
     return np.full(3, edge)
 
 
 def _taught(cell: Cell, joints: Mapping[str, Sequence[float]] | None) -> list[Array] | None:
-    """Joint angles of all arms, (n,) each, where they are given.
+    """Given joint positions of all arms, (n,) each; None where there are none.
 
     Raises:
         InputError: they are not those of the arms.
@@ -215,7 +190,7 @@ def _taught(cell: Cell, joints: Mapping[str, Sequence[float]] | None) -> list[Ar
     for name in joints:
         if name not in names:
             raise InputError(f"no arm is called {name!r}{nearest(name, names)}", key="--joints")
-    found = []
+    postures = []
     for arm in cell.arms:
         if arm.name not in joints:
             raise InputError(
@@ -229,8 +204,8 @@ def _taught(cell: Cell, joints: Mapping[str, Sequence[float]] | None) -> list[Ar
                 + ", ".join(arm.joint_names),
                 key="--joints",
             )
-        found.append(q)
-    return found
+        postures.append(q)
+    return postures
 
 
 def _taught_holding(arms: Sequence[Arm], joints: Sequence[Array]) -> Holding:
@@ -239,107 +214,3 @@ def _taught_holding(arms: Sequence[Arm], joints: Sequence[Array]) -> Holding:
     middle = reduce(np.add, (tip.position for tip in tips)) / len(tips)
     thing = Pose.from_rpy([number(x, 6) for x in middle])
     return Holding(thing, tuple(thing.inverse() @ tip for tip in tips), tuple(joints))
-
-
-@dataclass(frozen=True, eq=False)
-class _Writer:
-    """What the lines of a problem file are made of."""
-
-    entries: Sequence[RobotEntry]
-    arms: Sequence[NamedArm]
-    chains: Sequence[Arm]
-    hands: Sequence[Hand]
-    holding: Holding
-    stands: Sequence[Pose]
-    reaches: Sequence[Sequence[Reach]]
-
-    def write(
-        self, cell: Cell, wishes: Wishes, name: str, size: Array, shortest: float, taught: bool
-    ) -> ProblemText:
-        """The file, line by line."""
-        text = ProblemText()
-        text.lines.append(f"#:schema {plain_line(str(SCHEMA))}")
-        text.remark(
-            'Made by copose init. What stands under a line that begins with "guessed" is yours to',
-            "change; copose check FILE --figure FILE.png shows where everything is.",
-        )
-        text.put("format", 1)
-        text.put("name", name)
-        text.table("[task]")
-        self._task(text, cell, wishes.space)
-        text.table("[object]")
-        self._object(text, wishes, size, shortest, taught)
-        for i in range(len(self.arms)):
-            self._arm(text, i, size, taught)
-        text.table("[objective]")
-        kind = "velocity-volume" if cell.weightless else "volume"
-        guess = "the robots' inertials are missing" if cell.weightless else ""
-        text.put("kind", kind, guess, 'with inertials: "volume"' if guess else "")
-        return text
-
-    def _task(self, text: ProblemText, cell: Cell, asked: str | None) -> None:
-        space = cell.problem.task.space
-        guess = (
-            "an arm has fewer than 6 joints, so the grasps are ball joints"
-            if space == "spatial-linear"
-            else "rigid grasps"
-        )
-        other = (
-            '"spatial" for rigid grasps'
-            if space == "spatial-linear"
-            else '"spatial-linear" for ball joints'
-        )
-        text.put("space", space, "" if asked else guess, other)
-
-    def _object(
-        self, text: ProblemText, wishes: Wishes, size: Array, shortest: float, taught: bool
-    ) -> None:
-        mass = wishes.mass
-        guess = ""
-        if mass is None:
-            mass, guess = (_MASS if shortest > _LONG else _LIGHT), "a light load, kg"
-        text.put("mass", mass, guess, "what your object weighs")
-        inertia = [number(mass * (size @ size - edge**2) / 12, 9) for edge in size]
-        text.put("inertia", inertia, "of a solid box, kg·m², about the centre of mass")
-        where = "midway between the tips" if taught else "where the arms close most easily"
-        text.put(
-            "position", [number(x) for x in self.holding.object.position], where,
-            "m, of the centre of mass in the world",
-        )  # fmt: skip
-        guess = "" if wishes.size is not None else "a box, m"
-        shape = {"kind": "box", "size": [number(edge) for edge in size]}
-        text.put("shape", shape, guess, "its edges; it is drawn, and tested for collision")
-
-    def _arm(self, text: ProblemText, i: int, size: Array, taught: bool) -> None:
-        arm, hand = self.arms[i], self.hands[i]
-        chain, q = self.chains[i], self.holding.starts[i]
-        text.table("[[arms]]", arm.name)
-        text.put("name", arm.name)
-        text.put(self.entries[arm.robot].key, self.entries[arm.robot].place)
-        if arm.chain.root != arm.chain.tree.root:
-            text.put("root", arm.chain.root, "what is above it cannot be held still")
-        asked = arm.chain.why == "as asked"
-        text.put(
-            "tip", arm.chain.tip, "" if asked else arm.chain.why,
-            "the link that grasps",
-        )  # fmt: skip
-        if arm.chain.locked:
-            why = ", ".join(f"{joint.name}: {text}" for joint, _, text in arm.chain.locked)
-            text.put("locked", _locked(arm), f"held still ({why})", "rad or m")
-        if len(self.entries) > 1:
-            text.put(
-                "base", placement(self.stands[arm.robot]),
-                f"robots face each other, each {APART:g} of its reach from the middle",
-                "where its root link stands in the world",
-            )  # fmt: skip
-        if taught:
-            text.remark("no grasp: it is where the joints below have the tip")
-        else:
-            how = f"the tip's {hand.name} axis towards the object"
-            how += ", for nothing says which" if hand.guess else ""
-            how += f", {hand.reach:g} m from its face" if hand.reach else ", on its face"
-            text.put("grasp", placement(self.holding.grasps[i]), how, "tip frame in the object's")
-        if q is not None:
-            text.remark(f"joints, rad or m: {', '.join(chain.joint_names)}")
-            guess = "" if taught else "a posture that holds the object"
-            text.put("start", [number(x, 10) for x in q], guess)

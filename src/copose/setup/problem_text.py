@@ -8,9 +8,6 @@ from dataclasses import dataclass, field
 
 from copose.poses import Pose
 
-# Letters of a value that is told beside its key.
-_SHOWN = 60
-
 
 def number(value: float, digits: int = 12) -> float:
     """A number without the last digits, and without a sign on zero."""
@@ -18,7 +15,7 @@ def number(value: float, digits: int = 12) -> float:
 
 
 def plain_line(text: str) -> str:
-    """Text in which nothing ends the line: names of a robot's file may hold anything."""
+    """Text without line ends and other unprintable letters, which names of robots may hold."""
     return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
@@ -45,6 +42,7 @@ def toml(value: object) -> str:
 
 
 def _key(key: str) -> str:
+    """A key as TOML, in quotation marks where it needs them."""
     plain = key.isascii() and key.replace("-", "").replace("_", "").isalnum()
     return key if plain else toml(key)
 
@@ -63,7 +61,7 @@ class ProblemText:
     _arm: str = ""
 
     def remark(self, *lines: str) -> None:
-        """Comment lines."""
+        """Add comment lines."""
         self.lines += [f"# {plain_line(line)}" for line in lines]
 
     def table(self, header: str, arm: str = "") -> None:
@@ -72,10 +70,11 @@ class ProblemText:
         self._arm = f"{arm}: " if arm else ""
 
     def put(self, key: str, value: object, guess: str = "", change: str = "") -> None:
-        """A key, and where it was guessed, how, and what to change."""
+        """Add a key, with a comment on how it was guessed, if it was, and what to change."""
         if guess:
-            told = key if len(toml(value)) > _SHOWN else f"{key} = {toml(value)}"
-            self.guesses.append(f"{self._arm}{told}: {guess}")
+            short = len(toml(value)) <= 60
+            named = f"{key} = {toml(value)}" if short else key
+            self.guesses.append(f"{self._arm}{named}: {guess}")
             self.remark("guessed: " + "; ".join(filter(None, (guess, change))))
         self.lines.append(f"{key} = {toml(value)}")
 

@@ -1,4 +1,4 @@
-"""Robots as a command line names them, and which arms are taken of them."""
+"""Robots that a command line names, and their arms."""
 
 from __future__ import annotations
 
@@ -30,6 +30,11 @@ class NamedArm:
     robot: int
     chain: Chain
 
+    @property
+    def locked(self) -> dict[str, float]:
+        """Positions of the locked joints, rad or m, by name."""
+        return {joint.name: position for joint, position, _ in self.chain.locked}
+
 
 @dataclass(frozen=True, eq=False)
 class RobotEntry:
@@ -39,8 +44,8 @@ class RobotEntry:
         key: that names it in the problem file, ``urdf`` or ``mjcf``.
         place: as the problem file names it.
         stem: its file's name.
-        robot: what it says.
-        named: links that an SRDF beside it calls tips.
+        robot: the robot that it describes.
+        named: links that an SRDF next to it calls tips.
     """
 
     key: str
@@ -76,6 +81,7 @@ class RobotEntry:
 
 
 def _relative(file: Path, folder: Path) -> str:
+    """The path of a file from a folder, as a problem file has it."""
     try:
         return Path(os.path.relpath(file, folder.resolve())).as_posix()
     except ValueError:
@@ -96,61 +102,60 @@ def named_arms(robots: Sequence[RobotEntry], tips: Sequence[str]) -> list[NamedA
     asked: list[list[tuple[str, str]]] = [[] for _ in robots]
     for entry in tips:
         name, _, link = entry.rpartition("=")
-        having = [k for k, each in enumerate(robots) if link in each.robot.tree.links]
+        having = [k for k, owner in enumerate(robots) if link in owner.robot.tree.links]
         if not having:
-            every = [known for each in robots for known in each.robot.tree.links]
+            every = [known for owner in robots for known in owner.robot.tree.links]
             raise InputError(
                 f"{link!r} is no link of the robots{nearest(link, every)}", key="--tip"
             )
         if name:
             default = (
-                _SIDES.index(name) if name in _SIDES[: len(robots)] and len(robots) == 2 else -1
+                ("left", "right").index(name)
+                if name in ("left", "right") and len(robots) == 2
+                else -1
             )
-            mine = default if default in having else min(having, key=lambda k: len(asked[k]))
-            asked[mine].append((name, link))
+            fewest = min(having, key=lambda k: len(asked[k]))
+            asked[default if default in having else fewest].append((name, link))
         else:
             for k in having:
                 asked[k].append(("", link))
     arms: list[NamedArm] = []
-    for k, each in enumerate(robots):
-        tree = each.robot.tree
+    for k, robot in enumerate(robots):
+        tree = robot.robot.tree
         if asked[k]:
             links = [link for _, link in asked[k]]
             chains = [chain_to(tree, link, links) for link in links]
         else:
-            chains = find_chains(tree, each.named)
+            chains = find_chains(tree, robot.named)
         if not chains:
             raise InputError(
                 "has no arm that is found; name the link that grasps by --tip LINK",
-                file=each.place,
+                file=robot.place,
             )
         names = [name for name, _ in asked[k]] or [""] * len(chains)
         arms += [NamedArm(name, k, chain) for name, chain in zip(names, chains, strict=True)]
-    return _distinct(arms, len(robots))
+    return _renamed(arms, len(robots))
 
 
-_SIDES = ("left", "right")
-
-
-def _distinct(arms: Sequence[NamedArm], robots: int) -> list[NamedArm]:
+def _renamed(arms: Sequence[NamedArm], robots: int) -> list[NamedArm]:
     """Arms with names of their own: those asked for, sides, else the tips' or a number."""
     alone = robots == len(arms)
-    found: list[NamedArm] = []
+    renamed: list[NamedArm] = []
     for i, arm in enumerate(arms):
         name = arm.name
         if not name and alone and robots > 1:
-            name = _SIDES[i] if robots == 2 else f"arm{i + 1}"
+            name = ("left", "right")[i] if robots == 2 else f"arm{i + 1}"
         if not name:
             mates = [other for other in arms if other.robot == arm.robot]
             sided = sum(other.chain.side == arm.chain.side for other in mates) == 1
             name = arm.chain.side if arm.chain.side and sided else arm.chain.tip
             name += str(arm.robot + 1) if robots > 1 else ""
-        found.append(replace(arm, name=name))
-    names = [arm.name for arm in found]
+        renamed.append(replace(arm, name=name))
+    names = [arm.name for arm in renamed]
     for name in names:
         if names.count(name) > 1:
             raise InputError(
                 f"two arms are called {name!r}; give each a name of its own, --tip NAME=LINK",
                 key="--tip",
             )
-    return found
+    return renamed

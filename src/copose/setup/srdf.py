@@ -1,4 +1,4 @@
-"""The tips that an SRDF beside a URDF names."""
+"""Tips that an SRDF next to a URDF names."""
 
 from __future__ import annotations
 
@@ -9,25 +9,26 @@ from pathlib import Path
 from copose.errors import InputError
 from copose.problem import read_text
 
-_MOST_BYTES = 5_000_000
 
+def srdf_tips(urdf: Path, robot: str, most_bytes: int = 5_000_000) -> frozenset[str]:
+    """Links on which chains and end effectors of a robot's SRDFs hang.
 
-def srdf_tips(urdf: Path, robot: str) -> frozenset[str]:
-    """Links that chains and end effectors of SRDFs hang on, of files beside a URDF, or in a folder
-    ``srdf`` beside its own, that are for the robot. What cannot be read says nothing.
+    SRDFs are looked for next to the URDF, and in a folder ``srdf`` next to its own. Files that
+    cannot be read count as empty.
 
     Args:
-        urdf: its file.
-        robot: the robot's name in it.
+        urdf: the robot's file.
+        robot: its name in the file.
+        most_bytes: of a file that is read.
     """
-    found: set[str] = set()
+    tips: set[str] = set()
     for file in sorted([*urdf.parent.glob("*.srdf"), *urdf.parent.parent.glob("srdf/*.srdf")]):
         with contextlib.suppress(InputError, ET.ParseError):
-            root = ET.fromstring(read_text(file, _MOST_BYTES))
+            root = ET.fromstring(read_text(file, most_bytes))
             if root.get("name") != robot:
                 continue
             for chain in root.iterfind("group/chain"):
-                found.add(chain.get("tip_link", ""))
+                tips.add(chain.get("tip_link", ""))
             for hand in root.iterfind("end_effector"):
-                found.add(hand.get("parent_link", ""))
-    return frozenset(found)
+                tips.add(hand.get("parent_link", ""))
+    return frozenset(tips)

@@ -11,7 +11,7 @@ from copose.capability.torque_limits import Demand, Dynamics
 from copose.cell.cell import Cell
 from copose.cell.dynamics import HELD, CellDynamics
 from copose.motion.path.knots import Course
-from copose.poses import Array, Pose
+from copose.poses import Array, Pose, skew
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +160,8 @@ def _balance(cell: Cell, rotation: Array) -> list[Array]:
     """Maps of contact wrenches, world axes, to the balance of an object turned so, (b, m) each."""
     space, maps = cell.system.space, []
     for arm in cell.arms:
-        x, y, z = rotation @ arm.grasp.position
         whole = np.eye(6)
-        whole[3:, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
+        whole[3:, :3] = skew(rotation @ arm.grasp.position)
         maps.append(whole[np.ix_(space.balance, space.rows)])
     return maps
 

@@ -16,6 +16,7 @@ from copose.motion.path.knots import Course
 from copose.poses import Array, Indices, Mask
 from copose.posture.model import PostureModel
 from copose.posture.search.global_search import EFFORTS
+from copose.selection import far_apart_rows
 from copose.self_motion.projection import CLOSED, project
 from copose.self_motion.sampling import ArmSampler
 
@@ -254,12 +255,9 @@ class Roadmap:
             return np.vstack([known, q])
         rows, columns = self._near(q, q, distance)
         edges = np.searchsorted(rows, np.arange(len(q) + 1))
-        free = np.ones(len(q), dtype=bool)
-        chosen = []
-        for row in range(len(q)):
-            if free[row]:
-                chosen.append(row)
-                free[columns[edges[row] : edges[row + 1]]] = False
+        chosen = far_apart_rows(
+            np.ones(len(q), dtype=bool), lambda row, _: columns[edges[row] : edges[row + 1]]
+        )
         return np.vstack([known, q[chosen]])
 
     def _near(self, q: Array, others: Array, distance: float) -> tuple[Indices, Indices]:

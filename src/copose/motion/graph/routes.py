@@ -15,6 +15,7 @@ from copose.motion.graph.dynamic_programming import Far, Found, Lattice, Moves
 from copose.motion.graph.node_values import NodeValues
 from copose.motion.graph.roadmap import Roadmap
 from copose.poses import Array, Indices, Mask
+from copose.selection import far_apart
 
 Aggregate: TypeAlias = Literal["mean", "worst"]
 
@@ -142,11 +143,11 @@ class RouteFinder:
             routes = self._closed(self._every, self.lattice)
         else:
             routes = self._far_apart(self.lattice, most, distance, self._aggregated)
-        chosen: list[Route] = []
-        for route in sorted(routes, key=lambda route: -route.worth):
-            if len(chosen) < most and all(self._apart(route, c) > distance for c in chosen):
-                chosen.append(route)
-        return chosen
+
+        def far(route: Route, taken: Sequence[Route]) -> bool:
+            return all(self._apart(route, other) > distance for other in taken)
+
+        return far_apart(sorted(routes, key=lambda route: -route.worth), far, most)
 
     @property
     def single(self) -> bool:

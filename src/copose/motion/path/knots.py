@@ -10,7 +10,7 @@ import numpy as np
 from copose.cell.cell import Cell
 from copose.collision import configurations, joint_columns
 from copose.motion.path.object_motion import ObjectMotion, ObjectState
-from copose.poses import Array, Indices, quaternion_product, rotation_rows
+from copose.poses import Array, Indices, conjugate, quaternion_product, rotation_rows
 from copose.posture.model import PostureModel
 from copose.posture.setting import Setting
 
@@ -126,6 +126,6 @@ def tip_goals(cell: Cell, journey: ObjectMotion, i: int, phases: Array) -> Array
     positions, quaternions = journey.places(phases)
     rotations = np.array(rotation_rows(quaternions.T)).transpose(2, 0, 1)
     tips = positions + rotations @ grasp.position - base.position
-    back = base.quaternion * np.array([1.0, -1.0, -1.0, -1.0])
+    back = conjugate(base.quaternion)
     turned = quaternion_product(back, quaternion_product(quaternions.T, grasp.quaternion))
     return np.hstack([tips @ base.rotation, np.stack(turned, axis=1)])

@@ -9,7 +9,14 @@ from itertools import pairwise
 import numpy as np
 
 from copose.motion.path import minimum_jerk
-from copose.poses import Array, Pose, quaternion_product, rotation_rows
+from copose.poses import (
+    Array,
+    Pose,
+    conjugate,
+    quaternion_product,
+    rotation_vector,
+    turn_quaternions,
+)
 from copose.problem import Problem
 
 
@@ -53,7 +60,8 @@ class Segment:
         rate = minimum_jerk.speed(x) / self.share
         bend = minimum_jerk.acceleration(x) / self.share**2
         along = np.concatenate([self.step, self.turn])
-        quaternion = np.array(quaternion_product(_turned(s * self.turn), self.first.quaternion))
+        turn = turn_quaternions(s * self.turn)
+        quaternion = np.array(quaternion_product(turn, self.first.quaternion))
         return ObjectState(
             pose=_pose(self.first.position + s * self.step, quaternion),
             velocity=rate * along,
@@ -136,7 +144,7 @@ class ObjectMotion:
             x = np.clip((phases[inside] - segment.begins) / segment.share, 0.0, 1.0)
             s = minimum_jerk.travelled(x)
             positions[inside] = segment.first.position + s[:, None] * segment.step
-            turned = _turned(s[:, None] * segment.turn)
+            turned = turn_quaternions(s[:, None] * segment.turn)
             first = segment.first.quaternion
             quaternions[inside] = np.stack(quaternion_product(turned.T, first), axis=1)
         return positions, quaternions
@@ -177,24 +185,9 @@ def _size(step: Array, turn: Array) -> float:
 
 def _turn(a: Pose, b: Pose) -> Array:
     """The rotation vector, world axes, that turns a into b by the shortest angle."""
-    back = a.quaternion * np.array([1.0, -1.0, -1.0, -1.0])
-    w, *v = np.array(quaternion_product(b.quaternion, back))
-    if w < 0:
-        w, v = -w, [-x for x in v]
-    size = np.linalg.norm(v)
-    if size < 1e-300:
-        return np.zeros(3)
-    return np.asarray(np.array(v) / size * 2 * np.arctan2(size, w))
-
-
-def _turned(vectors: Array) -> Array:
-    """Quaternions of rotation vectors, (..., 3)."""
-    angle = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    # sin(θ/2)/θ, without a quotient of zeros.
-    return np.concatenate([np.cos(angle / 2), np.sinc(angle / (2 * np.pi)) / 2 * vectors], axis=-1)
+    return rotation_vector(quaternion_product(b.quaternion, conjugate(a.quaternion)))
 
 
 def _pose(position: Array, quaternion: Array) -> Pose:
-    rotation = rotation_rows(quaternion / np.linalg.norm(quaternion))
     # By way of roll, pitch and yaw, which a problem is told: one pose for all that is computed.
-    return Pose.from_rpy(position, Pose.make(position, rotation, quaternion).rpy)
+    return Pose.from_rpy(position, Pose.from_quaternion(position, quaternion).rpy)

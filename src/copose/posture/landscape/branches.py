@@ -1,4 +1,4 @@
-"""All self-motions of arms with one degree of freedom to spare, at one pose of the object."""
+"""Branches: all self-motions of arms with one degree of freedom to spare, at one object pose."""
 
 from __future__ import annotations
 
@@ -10,35 +10,29 @@ import numpy as np
 from copose.errors import InputError, arm_key
 from copose.poses import Array
 from copose.posture.model import PostureModel
-from copose.posture.reachable.reachability import rails_of
+from copose.posture.reachable.components import rails_of
 from copose.posture.search.global_search import EFFORTS
 from copose.posture.setting import Setting
 from copose.self_motion.curves.arc_length import Track
+from copose.self_motion.curves.curve import Curve, TracingOptions
 from copose.self_motion.curves.joint_range import JointRange
 from copose.self_motion.curves.limited_curve import Course
 from copose.self_motion.curves.loops import Loops
 from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
-from copose.self_motion.curves.tracing import Curve, follow
+from copose.self_motion.curves.tracing import follow
 from copose.self_motion.manifold import ClosureManifold
 from copose.self_motion.projection import CLOSED, project
 from copose.self_motion.sampling import ArmSampler
 
-# The longest step along a self-motion, rad (or m).
-_STRIDE = 0.3
-# Joints that differ by less are the same, rad (or m).
-_SAME = 1e-6
-# What a posture that holds the object may be off it, m or rad.
-_NEAR = 1e-3
-
 
 @dataclass(frozen=True, eq=False)
 class Branches:
-    """The self-motions of one arm that limits leave something of, in an order of their own.
+    """Self-motions of one arm that are somewhere within limits, in an order that they alone decide.
 
     Attributes:
-        courses: of them.
-        present: which of them the arm is on.
-        position: its arc length there, rad (or m).
+        courses: the self-motions.
+        present: number of the one that the arm is on.
+        position: arc length of the arm's posture there, rad (or m).
         limits: of the arm's joints.
     """
 
@@ -49,8 +43,16 @@ class Branches:
 
     @classmethod
     def again(cls, known: SelfMotionCurve, setting: Setting, i: int, q: Array) -> Branches | None:
-        """Those of arm i found before, with the arm at another posture on one of them, (n,); None
-        if it is on none, or its limits or its grasp were others.
+        """The branches of arm i found before, with the arm elsewhere on one of them.
+
+        Args:
+            known: the self-motion found before, with its others.
+            setting: where the object is.
+            i: the arm.
+            q: its posture, (n,).
+
+        Returns:
+            None where the posture is on none of them, or limits or grasp have changed.
         """
         limits, goal = JointRange.of(setting.cell, i), setting.placement.goals[i]
         alike = [np.array_equal(limits.lower, known.limits.lower)]
@@ -62,33 +64,39 @@ class Branches:
         for k, curve in enumerate(curves):
             position = curve.track.place(q)
             away = curve.track.rails.wrapped(q - curve.track.closed(np.array([position])))
-            if np.abs(away).max() < _SAME:
-                courses = [Course(each.track, each.cuts, each.pieces) for each in curves]
+            if np.abs(away).max() < 1e-6:
+                courses = [Course(known.track, known.cuts, known.pieces) for known in curves]
                 courses[k], position = courses[k].holding(q)
                 return cls(tuple(courses), k, position, limits)
         return None
 
 
 def held_postures(
-    model: PostureModel, setting: Setting, joints: Sequence[Array]
+    model: PostureModel, setting: Setting, joints: Sequence[Array], near: float = 1e-3
 ) -> tuple[Array, ...]:
-    """A posture closed to the last digit, by arm (n_i,).
+    """A posture projected onto the closure, by arm (n_i,).
+
+    Args:
+        model: the posture arm_kernels.
+        setting: where the object is.
+        joints: the posture, by arm (n_i,).
+        near: gap, m or rad, up to which an arm counts as holding the object.
 
     Raises:
-        InputError: an arm does not hold the object, by 1e-3 m or rad.
+        InputError: an arm does not hold the object.
     """
-    found = []
+    closed = []
     for i, (arm, q) in enumerate(zip(setting.cell.arms, joints, strict=True)):
         lower, upper = np.minimum(setting.lower[i], q), np.maximum(setting.upper[i], q)
         kernels, goal = model.arms[i], setting.placement.goals[i]
         off = np.abs(kernels.residual(q[None], goal)[0]).max()
         end, gap = project(kernels, q[None], goal, lower, upper)
-        if not (gap[0] <= CLOSED and off <= _NEAR):
+        if not (gap[0] <= CLOSED and off <= near):
             raise InputError(
                 f"arm {arm.name!r} does not hold the object there", key=arm_key(i, arm.name)
             )
-        found.append(end[0])
-    return tuple(found)
+        closed.append(end[0])
+    return tuple(closed)
 
 
 def branches(
@@ -97,11 +105,11 @@ def branches(
     """The self-motions of some arms, each with one degree of freedom to spare.
 
     Args:
-        model: what is built.
+        model: the posture arm_kernels.
         setting: where the object is.
         joints: closed postures by arm, (n_i,).
-        arms: numbers of those asked for.
-        seed: of the random postures by which self-motions are met.
+        arms: their numbers.
+        seed: of the random postures from which self-motions are traced.
     """
     seeds = {i: _seeds(model, setting, i, joints[i], seed) for i in arms}
     curves: dict[int, list[Curve]] = {}
@@ -109,25 +117,26 @@ def branches(
         mates = [i for i in arms if model.arms[i] is arm_kernels]
         rows = np.repeat(np.arange(len(mates)), [len(seeds[i]) for i in mates])
         rails = _freed(model, setting, mates).taken(rows)
-        found = follow(rails, np.vstack([seeds[i] for i in mates]), stride=_STRIDE)
+        options = TracingOptions(longest=0.3)
+        traced = follow(rails, np.vstack([seeds[i] for i in mates]), options=options)
         for k, i in enumerate(mates):
-            curves[i] = [found[row] for row in np.flatnonzero(rows == k)]
+            curves[i] = [traced[row] for row in np.flatnonzero(rows == k)]
     return [_sorted(setting, i, joints[i], seeds[i], curves[i]) for i in arms]
 
 
 def _freed(model: PostureModel, setting: Setting, arms: Sequence[int]) -> ClosureManifold:
-    """What arms of one model move on, without the limits of revolute joints."""
+    """Closure of arms of one arm_kernels, without the limits of revolute joints."""
     limits = [JointRange.of(setting.cell, i) for i in arms]
     return replace(
         rails_of(model, setting, arms),
-        lower=np.array([each.freed[0] for each in limits]),
-        upper=np.array([each.freed[1] for each in limits]),
-        unlimited=np.array([each.revolute for each in limits]),
+        lower=np.array([limit.freed[0] for limit in limits]),
+        upper=np.array([limit.freed[1] for limit in limits]),
+        unlimited=np.array([limit.revolute for limit in limits]),
     )
 
 
 def _seeds(model: PostureModel, setting: Setting, i: int, q: Array, seed: int) -> Array:
-    """The posture of arm i, and one on each self-motion that limits may leave something of."""
+    """The posture of arm i, and one on each self-motion that may be somewhere within limits."""
     effort, goal = EFFORTS["normal"], setting.placement.goals[i]
     sampler = ArmSampler(setting.cell, model.arms[i], i, goal)
     loops = Loops(setting.cell, model.arms[i], i, goal)
@@ -135,11 +144,11 @@ def _seeds(model: PostureModel, setting: Setting, i: int, q: Array, seed: int) -
     for _ in range(effort.batches):
         if not loops.add(loops.closed(sampler.draw(rng, effort.batch))):
             break
-    return np.vstack([q[None], loops.closed(loops.innermost(loops.spacing))])
+    return np.vstack([q[None], loops.closed(loops.innermost(loops.options.spacing))])
 
 
 def _sorted(setting: Setting, i: int, q: Array, seeds: Array, curves: Sequence[Curve]) -> Branches:
-    """Each curve once, in the order of the postures in the middle of what limits leave."""
+    """Branches of arm i from traced curves: each self-motion once, in order of `Course.mark`."""
     once: list[Curve] = []
     for place, curve in zip(seeds, curves, strict=True):
         if len(curve.points) > 1 and all(other.place(place) is None for other in once):

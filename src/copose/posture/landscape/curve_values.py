@@ -1,4 +1,4 @@
-"""What self-motions are worth with the other arms where they are, and where they are allowed."""
+"""Values and constraints along self-motions, with the other arms where they are."""
 
 from __future__ import annotations
 
@@ -16,9 +16,6 @@ from copose.posture.setting import Setting
 from copose.progress import heed
 from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
 
-# Postures along a curve at which slow linear programs are solved.
-_FEW = 40
-
 
 def self_motions(
     model: PostureModel,
@@ -28,16 +25,16 @@ def self_motions(
     seed: int,
     known: Sequence[SelfMotionCurve] = (),
 ) -> list[SelfMotionCurve]:
-    """The self-motion of each of some arms through a posture, and its others beside it.
+    """Self-motions of some arms through a posture, each with the arm's other self-motions.
 
     Args:
-        model: what is built.
+        model: the posture model.
         setting: where the object is.
         joints: the posture, by arm (n_i,).
-        arms: numbers of those asked for.
-        seed: of the random postures by which self-motions are met.
-        known: of these arms at this pose of the object, from an earlier call: while the arms are on
-            them nothing is followed anew.
+        arms: their numbers.
+        seed: of the random postures from which self-motions are traced.
+        known: self-motions of these arms at this pose of the object, from an earlier call: while
+            the arms are on them nothing is traced again.
 
     Raises:
         InputError: an arm does not hold the object, or has not one degree of freedom to spare.
@@ -46,15 +43,15 @@ def self_motions(
         _check_spare(setting, i)
     q = held_postures(model, setting, joints)
     by_name = {curve.arm: curve for curve in known}
-    found: dict[int, Branches] = {}
+    known_branches: dict[int, Branches] = {}
     for i in arms:
         curve = by_name.get(setting.cell.arms[i].name)
         again = None if curve is None else Branches.again(curve, setting, i, q[i])
         if again is not None:
-            found[i] = again
-    new = [i for i in arms if i not in found]
-    found |= zip(new, branches(model, setting, q, new, seed), strict=True)
-    return [_valued(model, setting, q, i, found[i]) for i in arms]
+            known_branches[i] = again
+    new = [i for i in arms if i not in known_branches]
+    known_branches |= zip(new, branches(model, setting, q, new, seed), strict=True)
+    return [_valued(model, setting, q, i, known_branches[i]) for i in arms]
 
 
 def _check_spare(setting: Setting, i: int) -> None:
@@ -69,38 +66,38 @@ def _check_spare(setting: Setting, i: int) -> None:
 
 
 def _valued(
-    model: PostureModel, setting: Setting, q: Sequence[Array], i: int, found: Branches
+    model: PostureModel, setting: Setting, q: Sequence[Array], i: int, arm_branches: Branches
 ) -> SelfMotionCurve:
     """The self-motion that arm i is on, with its values and its others."""
     arm = setting.cell.arms[i]
-    here = objectives_of(model, setting, [mine[None] for mine in q])
+    value = float(objectives_of(model, setting, [joints[None] for joints in q])[0])
     curves = []
-    for k, course in enumerate(found.courses):
-        present = found.position if k == found.present else None
+    for k, course in enumerate(arm_branches.courses):
+        present = arm_branches.position if k == arm_branches.present else None
         every = np.ones(len(course.track.positions), dtype=bool)
         curve = SelfMotionCurve(
             arm=arm.name, joint_names=tuple(arm.joint_names), branch=k, track=course.track,
-            limits=found.limits, cuts=course.cuts, pieces=course.pieces, present=present,
-            value=None if present is None else float(here[0]), objective=np.zeros(len(every)),
+            limits=arm_branches.limits, cuts=course.cuts, pieces=course.pieces, present=present,
+            value=None if present is None else value, objective=np.zeros(len(every)),
             estimated=slow(model), unit=setting.objective.unit, clear=every, held=every,
         )  # fmt: skip
         curves.append(_along(model, setting, q, i, curve))
     others = tuple(curve for curve in curves if curve.present is None)
-    return replace(curves[found.present], others=others)
+    return replace(curves[arm_branches.present], others=others)
 
 
 def _along(
     model: PostureModel, setting: Setting, q: Sequence[Array], i: int, curve: SelfMotionCurve
 ) -> SelfMotionCurve:
-    """A self-motion of arm i with its values, and where it is allowed."""
+    """A self-motion of arm i with values, and which of its knots keep clear and hold the object."""
     heed()
     s, inside = curve.positions, curve.inside
     low, high = curve.window
-    stacked = np.hstack(_beside(q, i, curve.points))
+    stacked = np.hstack(_with_others(q, i, curve.points))
     values = np.full(len(s), np.nan)
     if slow(model):
-        asked = curve.spaced(low, high, _FEW)
-        exact = objectives_of(model, setting, _beside(q, i, curve.postures(asked)))
+        asked = curve.spaced(low, high, 40)
+        exact = objectives_of(model, setting, _with_others(q, i, curve.postures(asked)))
         values = np.interp(s, asked, exact, left=np.nan, right=np.nan)
     else:
         programs = not setting.objective.summable
@@ -108,7 +105,7 @@ def _along(
         values[rows] = objectives_of(model, setting, model.split(stacked[rows]))
     clear, held = curve.clear, curve.held
     if setting.bodies is not None and inside.any():
-        clear, postures = clear.copy(), [mine[None] for mine in q]
+        clear, postures = clear.copy(), [joints[None] for joints in q]
         postures[i] = curve.points[inside]
         chosen = np.zeros((len(postures[i]), len(q)), dtype=np.intp)
         chosen[:, i] = np.arange(len(chosen))
@@ -120,32 +117,39 @@ def _along(
 
 
 def slow(model: PostureModel) -> bool:
-    """Whether linear programs for a posture are many, or large with contacts that have limits."""
+    """True if the linear programs of a posture are many, or large by limits of contacts."""
     capacity = model.capacity
     return model.dear or (capacity is not None and len(capacity.bounds.matrix) > 0)
 
 
 def objectives_of(model: PostureModel, setting: Setting, q: Sequence[Array]) -> Array:
-    """The objective at postures, by arm (count, n_i), or a bound of it where it is dear; NaN where
-    there is none.
+    """Objective, or a bound where it is costly, at postures, by arm (count, n_i): (count,).
+
+    NaN where there is none.
     """
     values = model.estimates(setting, np.hstack(q))
     return np.where(np.isfinite(values), values, np.nan)
 
 
 def kept_clear(setting: Setting, postures: Sequence[Array], chosen: Indices) -> Mask:
-    """Which combinations, (count, K), of postures by arm, (count_i, n_i), keep the clearance."""
+    """Combinations of the arms' postures that keep the clearance, as a mask, (count,).
+
+    Args:
+        setting: where the object is, with bodies.
+        postures: by arm, (count_i, n_i).
+        chosen: numbers of postures of a combination, (count, K).
+    """
     bodies = setting.bodies
     assert bodies is not None
-    here = setting.configurations([None] * len(postures))
-    clear = np.full(len(chosen), bool(bodies.clear(here, bodies.still)[0]))
-    for i, mine in enumerate(postures):
-        clear &= alone_clear(setting, i, mine)[chosen[:, i]]
+    standing = setting.configurations([None] * len(postures))
+    clear = np.full(len(chosen), bool(bodies.clear(standing, bodies.still)[0]))
+    for i, q in enumerate(postures):
+        clear &= alone_clear(setting, i, q)[chosen[:, i]]
     if clear.any():
         clear[clear] = kept_apart(setting, postures)(chosen[clear])
     return clear
 
 
-def _beside(q: Sequence[Array], i: int, points: Array) -> list[Array]:
-    """Postures of arm i, (count, n_i), with the other arms where they are."""
-    return [points if j == i else np.tile(mine, (len(points), 1)) for j, mine in enumerate(q)]
+def _with_others(q: Sequence[Array], i: int, points: Array) -> list[Array]:
+    """Postures of arm i, (count, n_i), with the other arms where they are, by arm."""
+    return [points if j == i else np.tile(joints, (len(points), 1)) for j, joints in enumerate(q)]

@@ -1,8 +1,8 @@
-"""The objective over the self-motions of two arms together.
+"""Map of the objective over the self-motions of two arms.
 
 With the object held still an ellipsoid depends on sums over the arms, so a map over two
-self-motions takes the terms of each posture of either, and one batch of sums. What linear programs
-decide is looked at on a coarser grid.
+self-motions takes the terms of each posture of either, and one batch of sums. Objectives that need
+linear programs get a coarser grid.
 """
 
 from __future__ import annotations
@@ -20,24 +20,29 @@ from copose.posture.setting import Setting
 from copose.progress import heed
 from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
 
-# Postures of each arm in a map; where linear programs decide; where these are many or large.
-_FINE = 120
-_COARSE = 24
-_COARSEST = 16
+
+@dataclass(frozen=True)
+class GridOptions:
+    """Postures of each arm in a map."""
+
+    fine: int = 120
+    coarse: int = 24  # where linear programs decide
+    coarsest: int = 16  # where these are many or large
 
 
 @dataclass(frozen=True, eq=False)
 class Landscape:
-    """The objective over the self-motions of two arms, the others where they are.
+    """The objective over the self-motions of two arms, the other arms where they are.
 
     Attributes:
-        first: self-motion of the arm of the rows.
-        second: of the arm of the columns.
+        first: self-motion of the arm whose postures are rows.
+        second: of the arm whose postures are columns.
         rows: arc lengths along the first, rad (or m), within its `window`, (P,).
         columns: along the second, (Q,).
         values: the objective, (P, Q); NaN where there is none, and beyond limits where linear
             programs decide.
-        allowed: what limits and clearance leave, and torques hold where they have to, (P, Q).
+        allowed: entries within limits that keep the clearance, and that torques hold where they
+            have to, (P, Q).
         estimated: whether values are bounds and not exact.
         unit: of the objective.
         present: arc lengths at the arms' posture and its value; None on other self-motions.
@@ -57,14 +62,15 @@ class Landscape:
 
     @property
     def best(self) -> tuple[float, float, float] | None:
-        """Arc lengths along both and the value of the best that is allowed, or of the present if
-        that is no worse; None without one.
+        """Arc lengths along both and the value of the best allowed entry; None if there is none.
+
+        It is the present posture where that is no worse.
         """
         if not self.allowed.any():
             return None
-        worth = np.where(self.allowed, self.values, -np.inf)
-        a, b = np.unravel_index(int(worth.argmax()), worth.shape)
-        if self.present is not None and self.present[2] >= worth[a, b]:
+        values = np.where(self.allowed, self.values, -np.inf)
+        a, b = np.unravel_index(int(values.argmax()), values.shape)
+        if self.present is not None and self.present[2] >= values[a, b]:
             return self.present
         return float(self.rows[a]), float(self.columns[b]), float(self.values[a, b])
 
@@ -77,17 +83,19 @@ def landscape(
     seed: int,
     every: bool,
     known: Sequence[SelfMotionCurve] = (),
+    options: GridOptions = GridOptions(),
 ) -> Landscape:
     """The map over the self-motions of two arms.
 
     Args:
-        model: what is built.
+        model: the posture model.
         setting: where the object is.
         joints: the posture, by arm (n_i,).
         arms: numbers of both.
         seed: as for `self_motions`.
         every: whether the other pairs of self-motions are mapped too.
         known: as for `self_motions`.
+        options: size of the grid.
 
     Raises:
         InputError: as for `self_motions`.
@@ -99,7 +107,7 @@ def landscape(
         for one in (first, *(first.others if every else ()))
         for other in (second, *(second.others if every else ()))
     ]
-    maps = [_mapped(model, setting, q, arms, *pair) for pair in pairs]
+    maps = [_mapped(model, setting, q, arms, *pair, options) for pair in pairs]
     return replace(maps[0], others=tuple(maps[1:]))
 
 
@@ -110,11 +118,14 @@ def _mapped(
     arms: tuple[int, int],
     first: SelfMotionCurve,
     second: SelfMotionCurve,
+    options: GridOptions,
 ) -> Landscape:
     """The map over a pair of self-motions."""
     heed()
     programs = model.capacity is not None
-    count = _COARSEST if slow(model) else _COARSE if programs else _FINE
+    count = options.coarse if programs else options.fine
+    if slow(model):
+        count = options.coarsest
     s = [curve.spaced(*curve.window, count) for curve in (first, second)]
     points = [curve.postures(x) for curve, x in zip((first, second), s, strict=True)]
     every = _combined(q, arms, points)
@@ -123,11 +134,11 @@ def _mapped(
         values = _summed(model, setting, q, arms, points)
     else:
         values, rows = np.full(count**2, np.nan), allowed.ravel()
-        values[rows] = objectives_of(model, setting, [mine[rows] for mine in every])
+        values[rows] = objectives_of(model, setting, [joints[rows] for joints in every])
     values = values.reshape(count, count)
     allowed &= np.isfinite(values)
     if setting.bodies is not None and allowed.any():
-        postures = [mine[None] for mine in q]
+        postures = [joints[None] for joints in q]
         postures[arms[0]], postures[arms[1]] = points
         chosen = np.zeros((int(allowed.sum()), len(q)), dtype=np.intp)
         chosen[:, list(arms)] = np.argwhere(allowed)
@@ -151,11 +162,15 @@ def _summed(
     arms: tuple[int, int],
     points: Sequence[Array],
 ) -> Array:
-    """The same of all pairs of postures of two arms, (P, n) and (Q, n): (P·Q,)."""
+    """Objectives of all pairs of postures of two arms, (P, n) and (Q, n), by sums: (P·Q,)."""
     ties = setting.placement.ties
-    one, other = (model.arms[i].terms(mine, ties[i]) for i, mine in zip(arms, points, strict=True))
-    rest = [model.arms[i].terms(mine[None], ties[i]) for i, mine in enumerate(q) if i not in arms]
-    sums = one[:, None] + (other + sum(rest))[None]
+    first, second = (
+        model.arms[i].terms(postures, ties[i]) for i, postures in zip(arms, points, strict=True)
+    )
+    rest = [
+        model.arms[i].terms(joints[None], ties[i]) for i, joints in enumerate(q) if i not in arms
+    ]
+    sums = first[:, None] + (second + sum(rest))[None]
     values = setting.objective.values_of_sums(setting, sums.reshape(-1, sums.shape[2]))
     return np.where(np.isfinite(values), values, np.nan)
 
@@ -163,7 +178,7 @@ def _summed(
 def _combined(q: Sequence[Array], arms: tuple[int, int], points: Sequence[Array]) -> list[Array]:
     """All pairs of postures of two arms, by arm (P·Q, n_i), with the others where they are."""
     count, many = map(len, points)
-    every = [np.tile(mine, (count * many, 1)) for mine in q]
+    every = [np.tile(joints, (count * many, 1)) for joints in q]
     every[arms[0]] = np.repeat(points[0], many, axis=0)
     every[arms[1]] = np.tile(points[1], (count, 1))
     return every

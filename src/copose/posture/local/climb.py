@@ -16,6 +16,7 @@ from copose.posture.setting import Setting
 from copose.posture.solvers.newton import Polished
 from copose.posture.solvers.nlp import LocalSolve
 from copose.progress import attained, stage
+from copose.selection import far_apart
 
 SAME_OBJECTIVE = 1e-6
 _SAME_JOINTS = 1e-3
@@ -183,11 +184,11 @@ def _left(cell: Cell, ends: Polished, solved: Mask, smooth: bool, most: int) -> 
         best = ends.value[solved].max(initial=-np.inf)
         near = order[ends.value[order] > best - _NEAR_BEST]
         return np.asarray(ends.q[near[:most]])
-    chosen: Array = ends.q[:0]
-    for row in ends.q[order]:
-        if len(chosen) < most and np.all(cell.distances(chosen, row) > _SAME_JOINTS):
-            chosen = np.vstack([chosen, row])
-    return chosen
+
+    def far(q: Array, taken: Sequence[Array]) -> bool:
+        return bool(np.all(cell.distances(np.array(taken), q) > _SAME_JOINTS))
+
+    return np.array(far_apart(ends.q[order], far, most)).reshape(-1, ends.q.shape[1])
 
 
 def gathered(cell: Cell, ending: Sequence[LocalOptimum]) -> list[LocalOptimum]:

@@ -199,7 +199,9 @@ class PlacedRun:
         for k, each in enumerate(found.first):
             if any(len(sample.closed) == 0 for sample in each.samples):
                 setting = search.setting(k, search.nominal[k])
-                joints, reason, sure = misses(run.model, setting, each.samples)
+                joints, reason, sure = misses(
+                    setting.cell, run.model.arms, setting.placement.goals, each.samples
+                )
                 measured = run.model.measure(setting, joints)
                 in_case = f"in case {names[k]!r} " if names[k] else ""
                 freedom = Freedom.of(run.cell.problem)

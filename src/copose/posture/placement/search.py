@@ -26,6 +26,7 @@ from copose.posture.solvers.constraint_generation import GenerationOptions, Step
 from copose.posture.solvers.nlp import Given, LocalSolve
 from copose.progress import attained, heed, hushed, stage
 from copose.robots import finite_range
+from copose.selection import far_apart
 
 # Placements that are searched with one free coordinate, twice as many with each more, and at most;
 # postures that are polished. So many of them where a search takes many programs.
@@ -447,19 +448,12 @@ class PlacementSearch:
         return max(float(joints), moved)
 
     def _distinct(self, starts: Sequence[Placed], most: int) -> list[Placed]:
-        chosen: list[Placed] = []
-        taken: dict[int, int] = {}
-        for start in starts:
-            if len(chosen) == most:
-                break
+        def far(start: Placed, taken: Sequence[Placed]) -> bool:
             # Starts of one placement tend to end alike.
-            here = id(start.x)
-            if taken.get(here, 0) < _OF_EACH and all(
-                self._apart(start, other) > _UNLIKE for other in chosen
-            ):
-                taken[here] = taken.get(here, 0) + 1
-                chosen.append(start)
-        return chosen
+            alike = sum(other.x is start.x for other in taken)
+            return alike < _OF_EACH and all(self._apart(start, x) > _UNLIKE for x in taken)
+
+        return far_apart(starts, far, most)
 
     def _unlike(self, starts: Sequence[Placed], ends: Sequence[Placed]) -> list[Placed]:
         """Those of the starts that are no ends."""

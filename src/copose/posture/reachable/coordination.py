@@ -1,8 +1,8 @@
-"""Self-motions of arms side by side in which nothing comes too near, as far as nodes tell.
+"""Coordination of arms along their self-motions so that bodies keep the clearance.
 
 With bodies in the way the arms are not independent: what one keeps clear of depends on where the
-others are. Each arm has nodes along its self-motion, at most `NODES` apart; one arm at a time moves
-by a node, through combinations that keep the clearance.
+others are. Each arm has nodes along its self-motion; one arm at a time moves by a node, through
+combinations that keep the clearance (the coordination diagram).
 """
 
 from __future__ import annotations
@@ -17,12 +17,7 @@ from copose.poses import Array, Indices, Mask
 from copose.posture.model import PostureModel
 from copose.posture.search.clear_samples import alone_clear, kept_apart
 from copose.posture.setting import Setting
-from copose.self_motion.curves.tracing import Curve
-
-# Between nodes, rad (or m).
-NODES = 0.05
-# Arms of which all orders are tried.
-_ORDERED = 4
+from copose.self_motion.curves.curve import Curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +27,8 @@ class CurveNodes:
     Attributes:
         q: in order, (count, n).
         loop: whether the last is followed by the first.
-        start: which of them is where the arm is.
-        end: which is where it is to go; None where no such posture is known.
+        start: number of the start.
+        end: number of the posture to be reached; None where it is not among them.
     """
 
     q: Array
@@ -42,9 +37,18 @@ class CurveNodes:
     end: int | None
 
     @classmethod
-    def along(cls, curve: Curve, start: Array, end: Array | None) -> CurveNodes:
-        """Nodes along a curve that starts and ends are on."""
-        parts = [np.linspace(0.0, far, max(1, int(np.ceil(far / NODES))), endpoint=False)
+    def along(
+        cls, curve: Curve, start: Array, end: Array | None, spacing: float = 0.05
+    ) -> CurveNodes:
+        """Nodes along a curve through start and end.
+
+        Args:
+            curve: the self-motion.
+            start: a posture on it, (n,).
+            end: another; None where there is none.
+            spacing: of the nodes, rad (or m), at most.
+        """
+        parts = [np.linspace(0.0, far, max(1, int(np.ceil(far / spacing))), endpoint=False)
                  for far in curve.lengths]  # fmt: skip
         rows = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
         along = np.concatenate(parts)
@@ -68,17 +72,17 @@ class CurveNodes:
 
     @classmethod
     def still(cls, q: Array) -> CurveNodes:
-        """The one posture of an arm that stays."""
+        """The one node of an arm that stays, at a posture, (n,)."""
         return cls(q[None], False, 0, 0)
 
     @classmethod
     def trail(cls, q: Sequence[Array]) -> CurveNodes:
-        """Of a walk from start to end."""
+        """Nodes of a walk from start to end, (n,) each."""
         points = np.array(q)
         return cls(points, False, 0, len(points) - 1)
 
     def ways(self) -> list[Array]:
-        """Postures from the start to the end, by every way there is."""
+        """Postures from start to end, one or, on a loop, both ways round, (count, n)."""
         assert self.end is not None
         step = 1 if self.end >= self.start else -1
         count, far = len(self.q), abs(self.end - self.start)
@@ -89,19 +93,20 @@ class CurveNodes:
 
 
 def one_after_another(model: PostureModel, setting: Setting, arms: Sequence[CurveNodes]) -> bool:
-    """Whether arms that move from start to end one after another, in some order, keep clear."""
+    """True if arms that move from start to end one by one, in some order, keep clear."""
     moving = [i for i, nodes in enumerate(arms) if nodes.start != nodes.end]
     if not moving:
         return True
-    orders = permutations(moving) if len(moving) <= _ORDERED else iter([tuple(moving)])
+    # Of more arms there are too many orders.
+    orders = permutations(moving) if len(moving) <= 4 else iter([tuple(moving)])
     for order in orders:
         for ways in product(*(arms[i].ways() for i in order)):
-            here = [nodes.q[nodes.start] for nodes in arms]
+            present = [nodes.q[nodes.start] for nodes in arms]
             clear = True
             for i, way in zip(order, ways, strict=True):
                 q = np.hstack([way if j == i else np.tile(x, (len(way), 1))
-                               for j, x in enumerate(here)])  # fmt: skip
-                here[i] = way[-1]
+                               for j, x in enumerate(present)])  # fmt: skip
+                present[i] = way[-1]
                 clear = bool(model.clear(setting, q).all())
                 if not clear:
                     break
@@ -111,75 +116,77 @@ def one_after_another(model: PostureModel, setting: Setting, arms: Sequence[Curv
 
 
 class CoordinationGrid:
-    """Combinations of the nodes of at most two arms that move, and which can be come to.
+    """The coordination diagram of at most two arms that move, as a grid over their nodes.
 
     Attributes:
-        reached: those that can, (count_a, count_b); one column where one arm moves.
+        moving: numbers of the arms that move.
+        reached: entries that can be reached from the start, (count_a, count_b); one column where
+            one arm moves.
     """
 
     def __init__(self, setting: Setting, arms: Sequence[CurveNodes]) -> None:
-        """Find everything that arms can come to from their starts."""
+        """Search the diagram from the arms' starts."""
         self._setting, self._arms = setting, arms
         self.moving = [i for i, nodes in enumerate(arms) if len(nodes.q) > 1][:2]
         assert all(len(nodes.q) == 1 for i, nodes in enumerate(arms) if i not in self.moving)
         self._loops = [arms[i].loop for i in self.moving]
-        # Only what can be come to, and what is beside it, is asked for.
+        # Distances are computed of entries that are reached, or next to one that is.
         clear = self._alone()
         known = ~clear
         first = self.index([nodes.start for nodes in arms])
-        self.reached, beside = np.zeros(clear.shape, dtype=bool), np.zeros(clear.shape, dtype=bool)
-        beside[first] = True
-        while (beside & ~known).any():
-            rows = np.argwhere(beside & ~known)
+        self.reached, front = np.zeros(clear.shape, dtype=bool), np.zeros(clear.shape, dtype=bool)
+        front[first] = True
+        while (front & ~known).any():
+            rows = np.argwhere(front & ~known)
             clear[tuple(rows.T)] = self._together(rows)
-            known |= beside
-            self.reached |= beside & clear
-            beside = self._beside() & clear
+            known |= front
+            self.reached |= front & clear
+            front = self._widened() & clear
 
     def index(self, which: Sequence[int]) -> tuple[int, int]:
-        """The entry of nodes by arm."""
+        """The entry of a combination of nodes, by arm."""
         chosen = [which[i] for i in self.moving]
         a, b = (*chosen, 0, 0)[:2]
         return a, b
 
     def allowed(self, chosen: Indices) -> Mask:
-        """Which combinations of nodes of all arms, (count, K), can be come to."""
+        """Mask of combinations of nodes of all arms, (count, K), that can be reached, (count,)."""
         columns = [chosen[:, i] for i in self.moving]
         nothing = np.zeros(len(chosen), dtype=np.intp)
         a, b = (*columns, nothing, nothing)[:2]
         return np.asarray(self.reached[a, b])
 
     def _alone(self) -> Mask:
-        """Which combinations are of nodes that keep clear of all but the other arms."""
+        """Mask of entries whose nodes keep clear of all but the other arms."""
         clear = np.ones([len(self._arms[i].q) for i in self.moving] or [1], dtype=bool)
         clear = clear.reshape((*clear.shape, 1)[:2])
         for i, nodes in enumerate(self._arms):
-            mine = alone_clear(self._setting, i, nodes.q)
-            clear &= mine if i in self.moving[1:] else mine[:, None]
+            arm_clear = alone_clear(self._setting, i, nodes.q)
+            clear &= arm_clear if i in self.moving[1:] else arm_clear[:, None]
         return clear
 
     def _together(self, rows: Indices) -> Mask:
-        """Which entries, (count, 2), keep the arms clear of each other."""
+        """Mask of entries, (count, 2), that keep the arms clear of each other, (count,)."""
         chosen = np.zeros((len(rows), len(self._arms)), dtype=np.intp)
         for column, i in enumerate(self.moving):
             chosen[:, i] = rows[:, column]
         return kept_apart(self._setting, [nodes.q for nodes in self._arms])(chosen)
 
-    def _beside(self) -> Mask:
-        """Entries that are reached or next to one that is."""
-        found = self.reached
+    def _widened(self) -> Mask:
+        """Mask of entries that are reached or next to one that is."""
+        entries = self.reached
         for axis, loop in enumerate(self._loops):
-            found = found | _beside(self.reached, axis, loop)
-        return found
+            entries = entries | _dilated(self.reached, axis, loop)
+        return entries
 
 
-def _beside(some: Mask, axis: int, loop: bool) -> Mask:
-    """Entries that are among some or next to them along an axis."""
-    found = some.copy()
+def _dilated(entries: Mask, axis: int, loop: bool) -> Mask:
+    """A mask together with the next entries along an axis, round the end of a loop."""
+    dilated = entries.copy()
     for way in (1, -1):
-        shifted = np.roll(some, way, axis=axis)
+        shifted = np.roll(entries, way, axis=axis)
         if not loop:
             edge = np.moveaxis(shifted, axis, 0)
             edge[0 if way > 0 else -1] = False
-        found |= shifted
-    return found
+        dilated |= shifted
+    return dilated

@@ -1,7 +1,7 @@
-"""The search among postures that arms can come to from where they are without letting go.
+"""The search among postures that arms can reach from where they are without letting go.
 
-The object stands still, so each arm stays in its component of the closed postures: its samples are
-taken from there, and what polishing ends in counts only where it is in the component too.
+The object stands still, so each arm stays in its component of the closed postures: samples are
+taken from there, and an optimum counts only where it is in the component too.
 """
 
 from __future__ import annotations
@@ -17,42 +17,44 @@ from copose.poses import Array, Indices, Mask
 from copose.posture.local.climb import LocalSearches
 from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum
+from copose.posture.reachable.components import Component, component
 from copose.posture.reachable.coordination import CoordinationGrid, CurveNodes
-from copose.posture.reachable.reachability import Component, component, reachable
+from copose.posture.reachable.reachability import reachable
 from copose.posture.search.clear_samples import alone_clear, clear_postures, in_each_others_way
 from copose.posture.search.global_search import Effort, Found, compared
 from copose.posture.setting import Setting
 from copose.progress import over, sheltered, stage
-from copose.self_motion.curves.tracing import SPACING
+from copose.self_motion.curves.curve import TracingOptions
 from copose.self_motion.projection import CLOSED, project
 from copose.self_motion.sampling import ArmSample, ArmSampler, neighbours
 
-# Optima that are followed from the start, and the turns of joints in which each is.
-_FOLLOWED, _TURNS = 24, 64
-# The same where the call has to end.
-_ASKED = 2
-# Where bodies are in the way a start that the file does not give is the first of so many that keep
-# clear.
-_DRAWN = 512
-# From so many postures along a curve on, a finer one tells no more.
-_USUAL = 240
+
+@dataclass(frozen=True)
+class ReachOptions:
+    """Effort of the search among postures that can be reached."""
+
+    optima: int = 24  # confirmed at most, best first
+    hurried_optima: int = 2  # confirmed where the call has to end
+    turns: int = 64  # combinations of whole turns of joints in which an optimum is looked for
+    drawn: int = 512  # postures of which the first that keeps clear is a start not given
+    usual_loop: int = 240  # postures along a curve from which on it need not be finer
 
 
 @dataclass(frozen=True, eq=False)
 class ReachableSet:
-    """What arms can come to from a posture.
+    """The set of postures that arms can reach from a start.
 
     Attributes:
-        model: what is built.
+        model: the posture model.
         setting: where the object is; joints have their limits even where they reach every angle.
-        start: where the arms are, by arm (n_i,).
-        samples: of what each arm can come to by itself; the first is the start where limits and
-            margins allow it.
-        components: of each arm.
-        grid: what arms can come to side by side, where bodies are in the way of at most two that
-            move on curves.
+        start: posture of the arms, by arm (n_i,).
+        samples: postures that each arm can reach by itself; the first is the start where limits
+            and margins allow it.
+        components: by arm.
+        grid: coordination diagram, where there are bodies and at most two arms move, on curves.
         nodes: of the grid, by arm.
-        too_near: what comes too near at the start.
+        too_near: bodies that come too near at the start.
+        options: effort of the search.
     """
 
     model: PostureModel
@@ -63,6 +65,7 @@ class ReachableSet:
     grid: CoordinationGrid | None
     nodes: tuple[CurveNodes, ...]
     too_near: Blocked | None
+    options: ReachOptions = ReachOptions()
 
     @classmethod
     def of(
@@ -72,18 +75,20 @@ class ReachableSet:
         starts: Sequence[Array | None],
         seed: int,
         effort: Effort,
+        options: ReachOptions = ReachOptions(),
     ) -> ReachableSet | tuple[ArmSample, ...]:
-        """What arms can come to.
+        """The set of postures that can be reached.
 
         Args:
-            model: what is built.
+            model: the posture model.
             setting: where the object is.
             starts: closed postures, by arm; None for the first that the seed gives.
-            seed: of what is drawn.
-            effort: how much is.
+            seed: of the random postures.
+            effort: of sampling.
+            options: effort of the search.
 
         Returns:
-            Samples where one that is needed has no closed posture.
+            Samples alone where an arm that needs one has no closed posture.
         """
         cell = setting.cell
         setting = replace(setting, lower=cell.lower, upper=cell.upper)
@@ -98,49 +103,53 @@ class ReachableSet:
             rng = np.random.default_rng([seed, i])
             most = effort.loops if spare <= 1 else effort.surfaces
             drawn.append(sampler.sample(rng, effort.batch, effort.batches, most, effort.insistence))
-        known = [
+        samples_at_start = [
             _only(cell.arms[i].n, start) if sample is None else sample
             for i, (sample, start) in enumerate(zip(drawn, starts, strict=True))
         ]
-        if any(not len(sample.closed) for sample in known):
-            return tuple(known)
-        here, too_near = _standing(model, setting, starts, known, seed)
-        spacing = SPACING / 2 * min(1.0, _USUAL / effort.loops)
+        if any(not len(sample.closed) for sample in samples_at_start):
+            return tuple(samples_at_start)
+        present, too_near = _standing(model, setting, starts, samples_at_start, seed, options.drawn)
+        spacing = TracingOptions.longest / 2 * min(1.0, options.usual_loop / effort.loops)
         components, samples = [], []
-        for i, (start, sample) in enumerate(zip(here, known, strict=True)):
-            found = component(model, setting, i, start, sample.closed, spacing)
-            components.append(found)
+        for i, (start, sample) in enumerate(zip(present, samples_at_start, strict=True)):
+            reached = component(model, setting, i, start, sample.closed, spacing)
+            components.append(reached)
             samples.append(ArmSample(
-                closed=found.postures,
-                neighbours=neighbours(cell, model.arms[i], i, found.postures),
+                closed=reached.postures,
+                neighbours=neighbours(cell, model.arms[i], i, reached.postures),
                 tried=sample.tried,
-                branches=None if found.rails.spare > 1 else 1,
+                branches=None if reached.rails.spare > 1 else 1,
                 missed=sample.missed,
             ))  # fmt: skip
         grid, nodes = None, tuple[CurveNodes, ...]()
         if setting.bodies is not None and too_near is None:
-            grid, nodes = _gridded(setting, here, components)
+            grid, nodes = _gridded(setting, present, components)
         return cls(
-            model, setting, tuple(here), tuple(samples), tuple(components), grid, nodes,
-            too_near,
+            model, setting, tuple(present), tuple(samples), tuple(components), grid, nodes,
+            too_near, options,
         )  # fmt: skip
 
     @property
     def single(self) -> bool:
-        """Whether no arm can leave its start."""
+        """True if no arm can leave its start."""
         return all(self.setting.cell.spare(i) <= 0 for i in range(len(self.start)))
 
     @property
     def stuck(self) -> tuple[str, bool]:
-        """Why an arm can come to nothing, and whether all that it can come to is known."""
+        """The reason why an arm can reach nothing, and whether its component is known entirely."""
         arms = zip(self.setting.cell.arms, self.components, self.samples, strict=True)
-        stuck = [(arm.name, each.complete) for arm, each, some in arms if not len(some.closed)]
+        stuck = [
+            (arm.name, component.complete)
+            for arm, component, sample in arms
+            if not len(sample.closed)
+        ]
         names = ", ".join(f"arm {name!r}" for name, _ in stuck)
         reason = f"{names} cannot leave the joint_margin that the start is in"
         return reason, any(complete for _, complete in stuck)
 
     def search(self, seed: int, effort: Effort) -> Found:
-        """Find local optima among what the arms can come to, the best of them first."""
+        """Find local optima among the postures that can be reached, best first."""
         model, setting = self.model, self.setting
         cell, samples = setting.cell, self.samples
         if not all(len(sample.closed) for sample in samples):
@@ -165,31 +174,33 @@ class ReachableSet:
         return self.confirmed(found)
 
     def confirmed(self, found: Found) -> Found:
-        """A search with those of its optima that can be come to; where its best combination before
-        polishing is better, or there is none, with that. Where the call has to end, of a few that
-        are quick to tell.
+        """A search's outcome with those of its optima that can be reached.
+
+        Its best combination before polishing is added where it is better, or no optimum is left.
+        Where the call has to end, only a few optima are confirmed, and only if that is quick.
         """
         if not over():
             return self._confirmed(found)
-        quick = found.optima[:_ASKED] if self.setting.bodies is None else ()
+        quick = found.optima[: self.options.hurried_optima] if self.setting.bodies is None else ()
         with sheltered():
             return self._confirmed(replace(found, optima=quick, best=None))
 
     def _confirmed(self, found: Found) -> Found:
+        """The outcome of `confirmed` without hurry."""
         kept = []
-        for optimum in found.optima[:_FOLLOWED]:
-            q = self._come_to(optimum.q)
+        for optimum in found.optima[: self.options.optima]:
+            q = self._reached(optimum.q)
             if q is not None:
                 kept.append(replace(optimum, q=q))
         best = max((optimum.objective for optimum in kept), default=-np.inf)
         if found.best is not None:
             value = float(self.model.objectives(self.setting, found.best[None])[0])
-            if value > best and self._come_to(found.best) is not None:
+            if value > best and self._reached(found.best) is not None:
                 kept.insert(0, LocalOptimum(found.best, value, 1))
         return replace(found, optima=tuple(kept))
 
     def _allowed(self, chosen: Indices) -> Mask:
-        """Which combinations of nodes can be come to, within limits and margins."""
+        """Mask of combinations of nodes, (count, K), that can be reached, within limits."""
         assert self.grid is not None
         allowed = self.grid.allowed(chosen)
         cell = self.setting.cell
@@ -198,22 +209,22 @@ class ReachableSet:
             allowed &= beyond.max(axis=1) <= 0
         return allowed
 
-    def _come_to(self, q: Array) -> Array | None:
-        """A posture, (N,), with its joints in the turn in which they can be come to, or None."""
+    def _reached(self, q: Array) -> Array | None:
+        """A posture, (N,), in the turns of its joints that can be reached; None without any."""
         parts = self.setting.cell.system.split(q)
         turns = [self._turns(i, part) for i, part in enumerate(parts)]
         if self.setting.bodies is None:
-            found = []
-            for mine, some in zip(self.components, turns, strict=True):
-                there = next((each for each in some if mine.holds(each)), None)
-                if there is None:
+            joints = []
+            for arm_component, choices in zip(self.components, turns, strict=True):
+                choice = next((turned for turned in choices if arm_component.holds(turned)), None)
+                if choice is None:
                     return None
-                found.append(there)
-            return np.concatenate(found)
-        for each in islice(product(*turns), _TURNS):
+                joints.append(choice)
+            return np.concatenate(joints)
+        for posture in islice(product(*turns), self.options.turns):
             postures = [sample.closed for sample in self.samples]
-            if reachable(self.model, self.setting, self.start, each, postures).whole:
-                return np.concatenate(each)
+            if reachable(self.model, self.setting, self.start, posture, postures).whole:
+                return np.concatenate(posture)
         return None
 
     def _turns(self, i: int, q: Array) -> list[Array]:
@@ -229,7 +240,7 @@ class ReachableSet:
                                 int(np.floor((high - value) / (2 * np.pi) + CLOSED)) + 1)]
                 if many else [value]
             )  # fmt: skip
-        postures = np.array(list(islice(product(*choices), _TURNS)))
+        postures = np.array(list(islice(product(*choices), self.options.turns)))
         if not len(postures):
             return []
         goal = self.setting.placement.goals[i]
@@ -239,7 +250,7 @@ class ReachableSet:
 
 
 def _only(n: int, start: Array | None) -> ArmSample:
-    """The sample of an arm of which no more than the start need be known."""
+    """The sample of an arm that needs no closed postures but its start."""
     closed = np.zeros((0, n)) if start is None else start[None]
     return ArmSample(closed, np.zeros((len(closed), 0), dtype=np.intp), 1, None, closed[:0])
 
@@ -248,30 +259,33 @@ def _standing(
     model: PostureModel,
     setting: Setting,
     starts: Sequence[Array | None],
-    known: Sequence[ArmSample],
+    samples: Sequence[ArmSample],
     seed: int,
+    drawn: int,
 ) -> tuple[list[Array], Blocked | None]:
-    """Where the arms are, and what comes too near there.
+    """The arms' posture at the start, and the bodies that come too near there.
 
-    An arm whose start the file does not give is where the seed's first closed posture is; or, where
-    that comes too near to something, at another of its postures.
+    An arm whose start the file does not give is at the seed's first closed posture; or, where that
+    comes too near to something, at another of its postures, of so many combinations drawn.
     """
-    here = [sample.closed[0] if start is None else start
-            for sample, start in zip(known, starts, strict=True)]  # fmt: skip
+    present = [sample.closed[0] if start is None else start
+               for sample, start in zip(samples, starts, strict=True)]  # fmt: skip
     bodies = setting.bodies
-    if bodies is None or model.clear(setting, np.concatenate(here)[None])[0]:
-        return here, None
-    some = [sample.closed[alone_clear(setting, i, sample.closed)] if start is None else start[None]
-            for i, (sample, start) in enumerate(zip(known, starts, strict=True))]  # fmt: skip
-    if all(len(each) for each in some) and any(s is None for s in starts):
-        rng = np.random.default_rng([seed, len(some), 2])
-        q = np.hstack([each[rng.integers(0, len(each), _DRAWN)] for each in some])
+    if bodies is None or model.clear(setting, np.concatenate(present)[None])[0]:
+        return present, None
+    clear_alone = [
+        sample.closed[alone_clear(setting, i, sample.closed)] if start is None else start[None]
+        for i, (sample, start) in enumerate(zip(samples, starts, strict=True))
+    ]
+    if all(len(q) for q in clear_alone) and any(start is None for start in starts):
+        rng = np.random.default_rng([seed, len(clear_alone), 2])
+        q = np.hstack([rows[rng.integers(0, len(rows), drawn)] for rows in clear_alone])
         clear = np.flatnonzero(model.clear(setting, q))
         if len(clear):
             return [np.asarray(part) for part in setting.cell.system.split(q[clear[0]])], None
     given = all(start is not None for start in starts)
-    blocked = in_the_way(bodies, setting.configurations(here), bodies.every, every=given)
-    return here, blocked
+    blocked = in_the_way(bodies, setting.configurations(present), bodies.every, every=given)
+    return present, blocked
 
 
 def _gridded(
@@ -279,16 +293,16 @@ def _gridded(
     start: Sequence[Array],
     components: Sequence[Component],
 ) -> tuple[CoordinationGrid | None, tuple[CurveNodes, ...]]:
-    """Nodes of arms of which at most two move, on curves, and which of them can be come to."""
+    """Coordination diagram and nodes of arms of which at most two move, on curves; else nothing."""
     nodes = []
-    for here, mine in zip(start, components, strict=True):
-        if mine.curve is not None:
-            nodes.append(CurveNodes.along(mine.curve, here, None))
-        elif mine.rails.spare <= 0 or setting.cell.arms[len(nodes)].fixed:
-            nodes.append(CurveNodes.still(here))
+    for q, arm_component in zip(start, components, strict=True):
+        if arm_component.curve is not None:
+            nodes.append(CurveNodes.along(arm_component.curve, q, None))
+        elif arm_component.rails.spare <= 0 or setting.cell.arms[len(nodes)].fixed:
+            nodes.append(CurveNodes.still(q))
         else:
             return None, ()
-    if sum(len(each.q) > 1 for each in nodes) > 2:
+    if sum(len(arm_nodes.q) > 1 for arm_nodes in nodes) > 2:
         return None, ()
     grid = CoordinationGrid(setting, nodes)
     return grid, tuple(nodes)

@@ -134,7 +134,12 @@ class Run:
             if within is not None:
                 reason, sure = within.stuck
                 return self._none(found, effort, reason, *self._where(within), sure=sure)
-            joints, reason, sure = misses(self.model, self.setting, found.samples)
+            joints, reason, sure = misses(
+                self.setting.cell,
+                self.model.arms,
+                self.setting.placement.goals,
+                found.samples,
+            )
             miss = self.model.measure(self.setting, joints)
             return self._none(found, effort, reason, miss=miss, sure=sure)
         before, notes = self.before(found) if within is None else self._where(within)

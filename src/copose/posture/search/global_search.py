@@ -26,6 +26,7 @@ from copose.posture.search.screening import Screened, screen
 from copose.posture.setting import Setting
 from copose.posture.solvers.nlp import LocalSolve
 from copose.progress import StoppedError, over, sheltered, stage
+from copose.selection import far_apart_rows
 from copose.self_motion.sampling import ArmSample, ArmSampler, held_sample
 
 Allowed: TypeAlias = Callable[[Indices], Mask]
@@ -411,11 +412,13 @@ def _distinct(
     """
     columns = screened.chosen[: _AMONG * most].T
     q = np.hstack([sample[column] for sample, column in zip(samples, columns, strict=True)])
-    left = np.arange(len(q))
-    for row in () if known is None else known:
-        left = left[cell.distances(q[left], row) > _APART]
-    chosen: list[int] = []
-    while len(left) and len(chosen) < most:
-        chosen.append(left[0])
-        left = left[cell.distances(q[left], q[left[0]]) > _APART]
+
+    def near(posture: Array, free: Mask) -> Indices:
+        left = np.flatnonzero(free)
+        return left[~(cell.distances(q[left], posture) > _APART)]
+
+    free = np.ones(len(q), dtype=bool)
+    for posture in () if known is None else known:
+        free[near(posture, free)] = False
+    chosen = far_apart_rows(free, lambda row, left: near(q[row], left), most)
     return q[chosen], screened.scores[chosen]

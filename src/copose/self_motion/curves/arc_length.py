@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from copose.poses import Array
-from copose.self_motion.curves.tracing import Curve
+from copose.self_motion.curves.curve import Curve
 from copose.self_motion.manifold import ClosureManifold
 from copose.self_motion.projection import project
-
-# Corrections of an estimated length of arc.
-_CORRECTIONS = 3
-# Gauss–Newton steps from a cubic between knots onto the curve, and the residual that needs none.
-_STEPS = 6
-_EXACT = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +36,11 @@ class Track:
 
     @classmethod
     def of(cls, curve: Curve, rigid: bool) -> Track:
-        """A curve that was followed.
+        """A traced curve by its arc length.
 
         Args:
-            curve: as it was.
-            rigid: whether angles are held.
+            curve: as traced.
+            rigid: whether orientations are held.
         """
         points, tangents = curve.points, curve.tangents
         if curve.loop:
@@ -63,16 +58,16 @@ class Track:
 
     @property
     def length(self) -> float:
-        """From end to end, rad (or m)."""
+        """Arc length from end to end, rad (or m)."""
         return float(self.positions[-1])
 
     @cached_property
     def _turns(self) -> Array:
-        """What a loop adds to the joints each time round, (n,)."""
+        """Whole turns of the joints in one round of a loop, rad, (n,)."""
         return np.asarray(self.points[-1] - self.points[0])
 
     def cubic(self, s: Array) -> tuple[Array, Array]:
-        """Postures near the curve at some arc lengths, (count, n), and their derivatives by it."""
+        """Cubics at arc lengths: postures near the curve, (count, n), and their derivatives."""
         rounds = np.floor(s / self.length) if self.loop and self.length > 0 else np.zeros(len(s))
         s = s - rounds * self.length
         last = len(self.positions) - 2
@@ -88,15 +83,15 @@ class Track:
         return q, (da + u * (2 * bend + 3 * u * turn)) / width
 
     def closed(self, s: Array) -> Array:
-        """Postures at some arc lengths, (count, n), that close to the last digits."""
+        """Postures at arc lengths, (count, n), projected onto the closure."""
         free = np.full(self.points.shape[1], np.inf)
         q = self.cubic(s)[0]
         return project(
-            self.rails.kernels, q, self.rails.goals[0], -free, free, steps=_STEPS, closed=_EXACT
+            self.rails.kernels, q, self.rails.goals[0], -free, free, steps=6, closed=1e-12
         )[0]
 
     def resampled(self, s: Array) -> Track:
-        """The same with knots at some arc lengths; of a loop the last is once round the first."""
+        """The curve with knots at other arc lengths; of a loop the last is the first once round."""
         points, heading = self.closed(s), self.cubic(s)[1]
         n = points.shape[1]
         _, J = self.rails.kernels.residual(points, self.rails.goals[0])
@@ -112,14 +107,14 @@ class Track:
         offset = many.wrapped(q - self.points)
         k = int((offset**2).sum(axis=1).argmin())
         s = float(self.positions[k] + offset[k] @ self.tangents[k])
-        for _ in range(_CORRECTIONS):
+        for _ in range(3):
             s = self.kept(s)
-            here, along = self.closed(np.array([s])), self.cubic(np.array([s]))[1]
-            s += float(self.rails.wrapped(q - here)[0] @ along[0])
+            point, tangent = self.closed(np.array([s])), self.cubic(np.array([s]))[1]
+            s += float(self.rails.wrapped(q - point)[0] @ tangent[0])
         return self.kept(s)
 
     def kept(self, s: float) -> float:
-        """An arc length on the curve: within a round of a loop, or between the ends."""
+        """The arc length moved onto the curve: into one round of a loop, or between the ends."""
         if not self.loop:
             return float(np.clip(s, 0.0, self.length))
         return float(s % self.length) if self.length > 0 else 0.0
@@ -129,7 +124,20 @@ def _arcs(ahead: Array, before: Array, after: Array) -> Array:
     """Lengths of cubics with these chords and unit tangents at their ends, (k, n) each: (k,)."""
     chord = np.linalg.norm(ahead, axis=1)
     length = chord
-    for _ in range(_CORRECTIONS):
+    for _ in range(3):  # fixed-point iterations
         middle = np.linalg.norm(1.5 * ahead - length[:, None] / 4 * (before + after), axis=1)
         length = (2 * length + 4 * middle) / 6
     return np.asarray(length)
+
+
+def snapped(s: Array, marks: Sequence[float]) -> Array:
+    """Arc lengths in order, the nearest to each mark, but for the ends, moved onto it."""
+    same = 1e-6  # distance of marks and arc lengths that are one, rad (or m)
+    s, apart = s.copy(), s.copy()
+    apart[[0, -1]] = np.inf
+    for mark in marks:
+        k = int(np.abs(apart - mark).argmin())
+        # Two marks may be nearest to the same, or one at an end.
+        if np.isfinite(apart[k]) and np.abs(s - mark).min() > same:
+            s[k], apart[k] = mark, np.inf
+    return np.sort(s)

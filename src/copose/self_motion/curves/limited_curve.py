@@ -1,4 +1,4 @@
-"""Where self-motions start and what limits leave of them, whatever they are worth."""
+"""Self-motions by arc length from canonical starts, with the pieces that joint limits leave."""
 
 from __future__ import annotations
 
@@ -7,25 +7,30 @@ from dataclasses import dataclass
 import numpy as np
 
 from copose.poses import Array
-from copose.self_motion.curves.arc_length import Track
+from copose.self_motion.curves.arc_length import Track, snapped
 from copose.self_motion.curves.joint_range import Cut, JointRange, allowed_pieces, limit_cuts
-from copose.self_motion.curves.self_motion_curve import SPACING, snapped
 
-# Knots of a curve, at least and at most.
-_FEWEST = 48
-_MOST = 480
-# Places between knots at which a function of the posture is asked where it is least.
-_BETWEEN = 4
+
+@dataclass(frozen=True)
+class KnotOptions:
+    """Knots of a self-motion by arc length."""
+
+    spacing: float = 0.06  # rad (or m)
+    fewest: int = 48
+    most: int = 480
+    between: int = 4  # values for every knot of the function whose minimum starts a loop
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A self-motion by arc length from a start that no posture on it decides, and its limits.
+    """A self-motion by arc length and its limits.
+
+    Its start depends on the curve alone, not on the posture from which it was traced.
 
     Attributes:
-        track: from where the curve starts.
-        cuts: where limits cut it.
-        pieces: from where to where it is within limits.
+        track: the curve from its start.
+        cuts: crossings of joint limits.
+        pieces: intervals of arc length within limits.
     """
 
     track: Track
@@ -33,11 +38,11 @@ class Course:
     pieces: tuple[tuple[float, float], ...]
 
     @classmethod
-    def of(cls, track: Track, limits: JointRange) -> Course:
-        """That along a curve, from a start that no posture on it decides."""
-        count = int(np.clip(track.length / SPACING, _FEWEST, _MOST)) + 1
+    def of(cls, track: Track, limits: JointRange, options: KnotOptions = KnotOptions()) -> Course:
+        """The self-motion along a curve, with new knots."""
+        count = int(np.clip(track.length / options.spacing, options.fewest, options.most)) + 1
         cuts = limit_cuts(track, limits)
-        first = _start(track, cuts) if track.loop else 0.0
+        first = _start(track, cuts, options.between) if track.loop else 0.0
         cuts = tuple(sorted(
             (Cut((cut.position - first) % track.length if track.loop else cut.position,
                  cut.joint, cut.upper, cut.entering) for cut in cuts),
@@ -52,14 +57,14 @@ class Course:
 
     @property
     def mark(self) -> tuple[float, ...]:
-        """What self-motions are put in order by: where the middle of what limits leave is."""
+        """A key that orders self-motions: the posture in the middle of the longest piece."""
         low, high = max(self.pieces, key=lambda p: p[1] - p[0], default=(0.0, self.track.length))
         middle = self.track.cubic(np.array([(low + high) / 2]))[0][0]
         turns = np.where(self.track.rails.unlimited[0], np.round(middle / (2 * np.pi)), 0.0)
         return tuple((middle - 2 * np.pi * turns).round(3))
 
     def holding(self, q: Array) -> tuple[Course, float]:
-        """The same with whole turns as a posture on it, (n,), has them, and its arc length."""
+        """The self-motion in the turns of a posture on it, (n,), and the arc length there."""
         s = self.track.place(q)
         turns = 2 * np.pi * np.round((q - self.track.closed(np.array([s]))[0]) / (2 * np.pi))
         turns = np.where(self.track.rails.unlimited[0], turns, 0.0)
@@ -68,9 +73,11 @@ class Course:
         return Course(moved, self.cuts, self.pieces), s
 
 
-def _start(track: Track, cuts: tuple[Cut, ...]) -> float:
-    """Where a loop starts: midway in the longest part beyond limits; without one where a certain
-    smooth function of the posture is least.
+def _start(track: Track, cuts: tuple[Cut, ...], between: int) -> float:
+    """The arc length of a loop's start: the middle of its longest part beyond limits.
+
+    Without one it is the minimum of Σ cos(q_k)/(k + 1), of which `between` values are taken for
+    every knot.
     """
     leaving = [cut.position for cut in cuts if not cut.entering]
     entering = np.array([cut.position for cut in cuts if cut.entering])
@@ -79,7 +86,7 @@ def _start(track: Track, cuts: tuple[Cut, ...]) -> float:
         k = int(np.argmax(gaps))
         return (leaving[k] + gaps[k] / 2) % track.length
     weights = 1 / (1 + np.arange(track.points.shape[1]))
-    s = np.linspace(0.0, track.length, _BETWEEN * len(track.positions), endpoint=False)
+    s = np.linspace(0.0, track.length, between * len(track.positions), endpoint=False)
     f = np.cos(track.cubic(s)[0]) @ weights
     k = int(f.argmin())
     a, b, c = f[k - 1], f[k], f[(k + 1) % len(f)]
@@ -88,8 +95,9 @@ def _start(track: Track, cuts: tuple[Cut, ...]) -> float:
 
 
 def _anchored(points: Array, limits: JointRange) -> Array:
-    """Postures along a curve, (k, n), moved together by whole turns, so that the middle one of
-    those within limits is there.
+    """Postures along a curve, (k, n), moved by the same whole turns.
+
+    The middle one of those within limits, whole turns apart, is then within limits as it is.
     """
     inside = np.flatnonzero(limits.inside(points))
     middle = points[inside[len(inside) // 2] if len(inside) else 0][None]

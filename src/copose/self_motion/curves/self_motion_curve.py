@@ -1,34 +1,25 @@
-"""The self-motion of an arm with one degree of freedom to spare, to be moved along by hand."""
+"""The self-motion of an arm with one degree of freedom to spare, with values along it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from copose.poses import Array, Mask
-from copose.self_motion.curves.arc_length import Track
+from copose.self_motion.curves.arc_length import Track, snapped
 from copose.self_motion.curves.joint_range import Cut, JointRange
+from copose.self_motion.curves.limited_curve import KnotOptions
 from copose.self_motion.projection import CLOSED, project
-
-# Between knots of a curve, rad (or m).
-SPACING = 0.06
-# Of what is allowed, that is shown beyond it at both ends.
-_MARGIN = 0.08
-# What an arc length may be beyond an end of what is allowed, rad (or m).
-_AT_END = 1e-6
-_STEPS = 9
-_EXACT = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
 class SelfMotionCurve:
-    """All postures that an arm comes to while the object stands still, by arc length.
+    """Postures that an arm reaches on one self-motion while the object stands still, by arc length.
 
     Lengths are those of joint space, rad (or m). The curve goes on beyond joint limits where it
-    can. It starts in the middle of its longest part beyond limits, and goes a way that no posture
-    on it decides: so it is the same curve from whatever posture on it one asks.
+    can. It starts in the middle of its longest part beyond limits. Neither its start nor its
+    direction depends on the posture from which it was traced.
 
     Attributes:
         arm: its name.
@@ -37,8 +28,8 @@ class SelfMotionCurve:
         track: the curve and its knots, k of them, about evenly spaced: where limits cut it there
             is one. Of a loop the last is the first again.
         limits: of the joints.
-        cuts: where limits cut it, in order.
-        pieces: from where to where it is within limits.
+        cuts: crossings of joint limits, in order.
+        pieces: intervals of arc length within limits.
         present: arc length at the posture of the arm; None of a self-motion that it is not on.
         value: of the objective at that posture.
         objective: with the other arms where they are, (k,); NaN where there is none, and outside
@@ -78,27 +69,27 @@ class SelfMotionCurve:
 
     @property
     def loop(self) -> bool:
-        """Whether it comes back to where it started, limits aside."""
+        """True if it comes back to its start, limits aside."""
         return self.track.loop
 
     @property
     def length(self) -> float:
-        """From end to end, rad (or m)."""
+        """Arc length from end to end, rad (or m)."""
         return self.track.length
 
     @property
     def unit_of_length(self) -> str:
-        """Of arc lengths: ``rad``, with joints that slide ``rad, m``."""
+        """Unit of arc lengths: ``rad``, with joints that slide ``rad, m``."""
         return "rad" if bool(self.limits.revolute.all()) else "rad, m"
 
     @property
     def inside(self) -> Mask:
-        """Which knots are within limits, (k,)."""
+        """Mask of the knots within limits, (k,)."""
         return self.within(self.positions)
 
     @property
     def allowed(self) -> Mask:
-        """Which knots are within limits, keep clear, hold, and are worth something, (k,)."""
+        """Mask of the knots within limits that keep clear, hold, and have an objective, (k,)."""
         return self.inside & self.clear & self.held & np.isfinite(self.objective)
 
     @property
@@ -116,28 +107,33 @@ class SelfMotionCurve:
 
     @property
     def window(self) -> tuple[float, float]:
-        """From where to where it is worth showing: what limits leave, and a little more."""
+        """The interval of arc length to be shown: the pieces within limits and a margin."""
         ends = [end for piece in self.pieces for end in piece]
         if self.present is not None:
             ends.append(self.present)
         if not ends:
             return 0.0, self.length
         low, high = min(ends), max(ends)
-        more = _MARGIN * (high - low) + SPACING
-        return max(0.0, low - more), min(self.length, high + more)
+        margin = 0.08 * (high - low) + KnotOptions.spacing
+        return max(0.0, low - margin), min(self.length, high + margin)
 
     def within(self, s: Array) -> Mask:
-        """Which arc lengths, (count,), are within limits."""
-        s = np.asarray(s)
-        found = np.zeros(len(s), dtype=bool)
+        """Mask of arc lengths within limits, (count,)."""
+        s, end = np.asarray(s), self._rounding
+        inside = np.zeros(len(s), dtype=bool)
         for low, high in self.pieces:
-            found |= (s >= low - _AT_END) & (s <= high + _AT_END)
-        return found
+            inside |= (s >= low - end) & (s <= high + end)
+        return inside
 
     def piece(self, s: float) -> tuple[float, float] | None:
-        """From where to where the arm can move within limits from an arc length; None beyond."""
-        s = self.track.kept(s)
-        return next((p for p in self.pieces if p[0] - _AT_END <= s <= p[1] + _AT_END), None)
+        """The interval within limits that an arc length is in; None beyond limits."""
+        s, end = self.track.kept(s), self._rounding
+        return next((p for p in self.pieces if p[0] - end <= s <= p[1] + end), None)
+
+    @property
+    def _rounding(self) -> float:
+        """Distance beyond the end of a piece that counts as within, rad (or m)."""
+        return 1e-6
 
     def at(self, s: float) -> Array:
         """The posture at an arc length, (n,), see `postures`."""
@@ -155,9 +151,7 @@ class SelfMotionCurve:
         lower = np.where(within, self.limits.lower, -free)
         upper = np.where(within, self.limits.upper, free)
         rails = self.track.rails
-        ends, gaps = project(
-            rails.kernels, q, rails.goals[0], lower, upper, steps=_STEPS, closed=_EXACT
-        )
+        ends, gaps = project(rails.kernels, q, rails.goals[0], lower, upper, steps=9, closed=1e-13)
         lost = gaps > CLOSED
         if lost.any():
             open_ = np.full(q.shape[1], free)
@@ -165,21 +159,7 @@ class SelfMotionCurve:
         return ends
 
     def spaced(self, low: float, high: float, count: int) -> Array:
-        """Arc lengths from one to another, about evenly, with those where limits cut it, and the
-        present one.
-        """
+        """Arc lengths of an interval, about evenly spaced, with all cuts and the present one."""
         marks = [cut.position for cut in self.cuts]
         return snapped(np.linspace(low, high, count), marks if self.present is None
                        else [self.present, *marks])  # fmt: skip
-
-
-def snapped(s: Array, marks: Sequence[float]) -> Array:
-    """Arc lengths in order, the nearest to each mark, but for the ends, moved there."""
-    s, apart = s.copy(), s.copy()
-    apart[[0, -1]] = np.inf
-    for mark in marks:
-        k = int(np.abs(apart - mark).argmin())
-        # Two marks may be nearest to the same, or one at an end.
-        if np.isfinite(apart[k]) and np.abs(s - mark).min() > _AT_END:
-            s[k], apart[k] = mark, np.inf
-    return np.sort(s)

@@ -1,4 +1,4 @@
-"""The gaps between arms and their grasps from where they are, without a search."""
+"""Gaps between arms and their grasps near given postures."""
 
 from __future__ import annotations
 
@@ -8,29 +8,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from copose.cell.cell import Cell
 from copose.poses import Array
-from copose.posture.model import PostureModel
-from copose.posture.setting import Setting
+from copose.problem import Space
 from copose.results import Solution
+from copose.self_motion.kernels import ArmKernels
 from copose.self_motion.least_squares import nearest
 from copose.self_motion.projection import CLOSED, project
 
-# Closures farther apart than this are misses, m or rad.
-_MISSED = 1e-6
-# Postures beside the present one from which the nearest is sought.
-_BESIDE = 1
-# Standard deviation of their joints, rad or m.
-_SPREAD = 0.3
+
+@dataclass(frozen=True)
+class GapOptions:
+    """Effort of the search for the gap of one arm."""
+
+    missed: float = 1e-6  # gap that is more than rounding, m or rad
+    drawn: int = 1  # postures next to the present one from which the nearest is sought
+    deviation: float = 0.3  # standard deviation of their joints, rad or m
 
 
 @dataclass(frozen=True)
 class Gap:
-    """The distance that is left between a tip and its grasp at the nearest posture.
+    """The gap between a tip and its grasp at the nearest posture.
 
     Attributes:
         distance: m.
-        angle: rad; zero where the tip cannot come to the place, or contacts turn freely. Beside an
-            angle the distance is what is left between the two, 1 rad counting as 1 m.
+        angle: rad; zero where the tip cannot reach the place, or contacts turn freely. Otherwise
+            distance and angle are least together, 1 rad counting as 1 m.
     """
 
     distance: float
@@ -51,23 +54,49 @@ class Followed:
     gaps: dict[str, Gap]
 
 
-def nearest_gaps(model: PostureModel, setting: Setting, joints: Sequence[Array]) -> dict[str, Gap]:
-    """The gaps of those arms that cannot close near where they are, by arm (n_i,)."""
+def nearest_gaps(
+    cell: Cell,
+    kernels: Sequence[ArmKernels],
+    goals: Sequence[Array],
+    lower: Sequence[Array],
+    upper: Sequence[Array],
+    joints: Sequence[Array],
+    options: GapOptions = GapOptions(),
+) -> dict[str, Gap]:
+    """Gaps of the arms that cannot close near given postures, by name.
+
+    Args:
+        cell: with the object where it is.
+        kernels: by arm.
+        goals: of the tips, by arm, see `Placement`.
+        lower: joint limits by arm, (n_i,).
+        upper: alike.
+        joints: the postures, by arm, (n_i,).
+        options: effort of the search.
+    """
     gaps = {}
-    for i, (arm, q) in enumerate(zip(setting.cell.arms, joints, strict=True)):
-        gap = None if arm.fixed else _gap(model, setting, i, q)
+    for i, (arm, q) in enumerate(zip(cell.arms, joints, strict=True)):
+        gap = None
+        if not arm.fixed:
+            space = cell.system.space
+            gap = _gap(space, kernels[i], goals[i], lower[i], upper[i], q, options)
         if gap is not None:
             gaps[arm.name] = gap
     return gaps
 
 
-def _gap(model: PostureModel, setting: Setting, i: int, q: Array) -> Gap | None:
-    """The gap of arm i, None where it closes; the place counts first, as in reports of a search."""
-    kernels, goal = model.arms[i], setting.placement.goals[i]
-    lower, upper = setting.lower[i], setting.upper[i]
-    space = setting.cell.system.space
-    beside = np.random.default_rng(0).normal(scale=_SPREAD, size=(_BESIDE, len(q)))
-    starts = np.clip(np.vstack([q, q + beside]), lower, upper)
+def _gap(
+    space: Space,
+    kernels: ArmKernels,
+    goal: Array,
+    lower: Array,
+    upper: Array,
+    q: Array,
+    options: GapOptions,
+) -> Gap | None:
+    """The gap of one arm, None where it closes; the position counts first, as in `misses`."""
+    next_to = np.random.default_rng(0).normal(scale=options.deviation, size=(options.drawn, len(q)))
+    starts = np.clip(np.vstack([q, q + next_to]), lower, upper)
     ends, norms = project(kernels, starts, goal, lower, upper)
     if norms.min() <= CLOSED:
         return None
@@ -75,10 +104,10 @@ def _gap(model: PostureModel, setting: Setting, i: int, q: Array) -> Gap | None:
     place[list(space.linear)] = 1.0
     ends, norms = nearest(kernels, starts, goal, lower, upper, weights=place)
     angle = 0.0
-    if norms.min() <= _MISSED and space.rigid:
+    if norms.min() <= options.missed and space.rigid:
         ends, norms = nearest(kernels, ends, goal, lower, upper)
         turn = kernels.gap(ends[[norms.argmin()]], goal)[0, 3:]
         angle = 2 * math.atan2(float(np.linalg.norm(turn[1:])), abs(float(turn[0])))
     off = kernels.gap(ends[[norms.argmin()]], goal)[0]
     distance = float(np.linalg.norm(off[:3]))
-    return Gap(distance, angle) if max(distance, angle) > _MISSED else None
+    return Gap(distance, angle) if max(distance, angle) > options.missed else None

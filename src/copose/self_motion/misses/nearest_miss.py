@@ -1,4 +1,4 @@
-"""Why no posture closes the chain: which arm, by how much it misses, and whether that is sure."""
+"""Nearest misses: postures of arms that cannot reach their grasps, with the gap in words."""
 
 from __future__ import annotations
 
@@ -8,42 +8,41 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from copose.poses import Array, Pose, quaternion_product, rotation_rows
-from copose.posture.model import PostureModel
-from copose.posture.setting import Setting
+from copose.cell.cell import Cell
+from copose.poses import Array, Pose, conjugate, quaternion_product, rotation_rows
 from copose.robots import finite_range, freed
-from copose.robots.reach_bounds import excluded
+from copose.self_motion.kernels import ArmKernels
 from copose.self_motion.least_squares import nearest
+from copose.self_motion.misses.branch_and_bound import excluded
 from copose.self_motion.projection import CLOSED, project
 from copose.self_motion.sampling import ArmSample
 
-# Nearest misses of a sample from which the nearest of all is sought.
-_TRIED = 12
-# Random postures beside them, where no bound decides, and the quick steps that they take first.
-_DRAWN, _BEFORE = 20, 12
-# What is a miss, m or rad.
-_MISSED = 1e-6
-# What the misses of all of them differ by at most where they are one, m or rad.
-_ONE = 1e-4
-_MISSES_TOLD = 3
-# How much more a position counts than an orientation, step by step, where the tip has to be at its
-# place, and from how many postures; how much farther than is needed a grasp is turned, that
-# rounding leaves room.
-_FIRM = (10.0, 100.0, 1000.0)
-_TURNING = 6
-_TURNED = (1.02, 1.1, 1.25, 1.5)
-_DIGITS = 4
+
+@dataclass(frozen=True)
+class MissOptions:
+    """Effort of the search for an arm's nearest miss, and what of it is told."""
+
+    starts: int = 12  # misses of a sample from which the search starts
+    drawn: int = 20  # random postures from which it starts too, where no bound decides
+    quick_steps: int = 12  # steps of projection that random postures take first
+    missed: float = 1e-6  # gap that is more than rounding, m or rad
+    same: float = 1e-4  # difference up to which two misses are one, m or rad
+    told: int = 3  # arms in a result's reason
+    position_weights: tuple[float, ...] = (10.0, 100.0, 1000.0)  # against orientation, in turn
+    turned_from: int = 6  # postures from which a turned grasp is sought
+    turn_factors: tuple[float, ...] = (1.02, 1.1, 1.25, 1.5)  # of the turn that is needed
+    digits: int = 4  # of the angles of a grasp as told
 
 
 @dataclass(frozen=True, eq=False)
 class Miss:
-    """The nearest that an arm comes to its grasp.
+    """The nearest miss of an arm: the posture at the least gap to its grasp.
 
     Attributes:
-        q: joint positions there, (n,).
+        q: joint positions, (n,).
         reason: a sentence with the arm and the gap.
-        sure: whether no posture comes nearer for a reason that holds: a bound, or one miss that
-            every start comes down to.
+        sure: whether no posture comes nearer, by a bound, or because every start has led to the
+            same miss.
     """
 
     q: Array
@@ -52,18 +51,32 @@ class Miss:
 
 
 def misses(
-    model: PostureModel, setting: Setting, samples: Sequence[ArmSample]
+    cell: Cell,
+    kernels: Sequence[ArmKernels],
+    goals: Sequence[Array],
+    samples: Sequence[ArmSample],
+    options: MissOptions = MissOptions(),
 ) -> tuple[list[Array], str, bool]:
-    """The nearest miss of the first arms that miss, a sentence on each of them, and whether one of
-    them is sure.
+    """Nearest misses of all arms that miss their grasps.
+
+    Args:
+        cell: with the object where it is.
+        kernels: by arm.
+        goals: of the tips, by arm, see `Placement`.
+        samples: by arm.
+        options: effort and what is told.
+
+    Returns:
+        A posture by arm, (n_i,), a sentence on each of the first arms that miss, and whether one of
+        these is sure.
     """
     joints, reasons, sure = [], [], False
     missing = [i for i, sample in enumerate(samples) if not len(sample.closed)]
-    # Those first of which it is sure.
-    told = sorted(missing, key=lambda i: not samples[i].proved)[:_MISSES_TOLD]
+    # Proved misses come first.
+    told = sorted(missing, key=lambda i: not samples[i].proved)[: options.told]
     for i, sample in enumerate(samples):
         if i in told:
-            miss = nearest_miss(model, setting, i, sample)
+            miss = nearest_miss(cell, kernels[i], goals[i], i, sample, options)
             sure |= miss.sure
             joints.append(miss.q)
             reasons.append(miss.reason)
@@ -74,18 +87,24 @@ def misses(
     return joints, "; ".join(reasons), sure
 
 
-def nearest_miss(model: PostureModel, setting: Setting, i: int, sample: ArmSample) -> Miss:
+def nearest_miss(
+    cell: Cell,
+    kernels: ArmKernels,
+    goal: Array,
+    i: int,
+    sample: ArmSample,
+    options: MissOptions = MissOptions(),
+) -> Miss:
     """The posture of arm i nearest to its grasp, and what keeps it from it.
 
     Position first: only where the tip reaches the place is the orientation what is missing. Then
     |Δp|² + (2 sin(θ/2))² is least, m and rad alike.
     """
-    cell, kernels, goal = setting.cell, model.arms[i], setting.placement.goals[i]
     space, arm = cell.system.space, cell.arms[i]
     lower, upper = cell.lower[i], cell.upper[i]
 
     def gap(q: Array) -> tuple[float, float]:
-        """How far off the tip is, m and degrees."""
+        """Distance and angle of the tip from its goal, m and degrees."""
         off = kernels.gap(q[None], goal)[0]
         turned = 2 * math.atan2(float(np.linalg.norm(off[4:])), abs(float(off[3])))
         return float(np.linalg.norm(off[:3])), math.degrees(turned)
@@ -96,19 +115,21 @@ def nearest_miss(model: PostureModel, setting: Setting, i: int, sample: ArmSampl
         reason = f"arm {arm.name!r} is fixed and misses its grasp by {distance:.4g} m{turned}"
         return Miss(sample.missed[0], reason, sure=True)
     proved = sample.proved or excluded(arm, kernels, lower, upper, goal, rigid=space.rigid)
-    starts = sample.missed[:_TRIED]
+    starts = sample.missed[: options.starts]
     if not proved:
-        drawn = np.random.default_rng(0).uniform(*finite_range(lower, upper), (_DRAWN, arm.n))
-        drawn, _ = project(kernels, drawn, goal, lower, upper, steps=_BEFORE)
+        drawn = np.random.default_rng(0).uniform(
+            *finite_range(lower, upper), (options.drawn, arm.n)
+        )
+        drawn, _ = project(kernels, drawn, goal, lower, upper, steps=options.quick_steps)
         starts = np.vstack([starts, drawn])
 
     def least(weights: Array) -> tuple[Array, bool]:
-        """Where the tip is nearest, the nearest first, and whether that is sure."""
+        """Postures with the least weighted gap, nearest first, and whether the miss is sure."""
         ends, gaps = nearest(kernels, starts, goal, lower, upper, weights=weights)
-        one = np.ptp(gaps) <= _ONE and gaps.min() > _MISSED
+        one = np.ptp(gaps) <= options.same and gaps.min() > options.missed
         return ends[np.argsort(gaps, kind="stable")], bool(proved or one)
 
-    def told(sure: bool) -> str:
+    def evidence(sure: bool) -> str:
         if proved:
             return "; no posture within its limits comes there"
         return "" if sure else f"; as far as {len(starts)} searches tell"
@@ -117,50 +138,56 @@ def nearest_miss(model: PostureModel, setting: Setting, i: int, sample: ArmSampl
     place[list(space.linear)] = 1.0
     ends, sure = least(place)
     distance, _ = gap(ends[0])
-    if distance > _MISSED or not space.rigid:
+    if distance > options.missed or not space.rigid:
         reason = f"arm {arm.name!r} cannot reach its grasp: the nearest its tip comes is"
-        return Miss(cell.folded(i, ends[0]), f"{reason} {distance:.4g} m{told(sure)}", sure)
-    there = ends
+        return Miss(cell.folded(i, ends[0]), f"{reason} {distance:.4g} m{evidence(sure)}", sure)
+    at_place = ends
     ends, sure = least(np.ones(space.m))
     distance, angle = gap(ends[0])
+    most = options.turned_from
     return Miss(
         cell.folded(i, ends[0]),
         f"arm {arm.name!r} reaches the place of its grasp but not in its orientation: between the "
-        f"two, 1 rad counting as 1 m, it misses by {distance:.4g} m and {angle:.4g}°{told(sure)}"
-        + _turned(model, setting, i, np.vstack([ends[:_TURNING], there[:_TURNING]])),
+        f"two, 1 rad counting as 1 m, it misses by {distance:.4g} m and {angle:.4g}°"
+        + evidence(sure)
+        + _turned(cell, kernels, goal, i, np.vstack([ends[:most], at_place[:most]]), options),
         sure,
     )
 
 
-def _turned(model: PostureModel, setting: Setting, i: int, starts: Array) -> str:
-    """The rotation of arm i's grasp with which it would close, next to that which it has; nothing
-    where none was found, or the grasp is free as it is.
+def _turned(
+    cell: Cell, kernels: ArmKernels, goal: Array, i: int, starts: Array, options: MissOptions
+) -> str:
+    """The grasp of arm i, turned as little as lets the arm close, in words.
+
+    Empty where none was found, or where the grasp is free anyway.
 
     Args:
-        model: what is built.
-        setting: where the object is.
-        i: the arm.
+        cell: with the object where it is.
+        kernels: of the arm.
+        goal: of its tip, (7,).
+        i: its number.
         starts: postures from which one at the place of the grasp is sought, (count, n).
+        options: effort of the search.
     """
-    cell, kernels, goal = setting.cell, model.arms[i], setting.placement.goals[i]
     space, arm, limits = cell.system.space, cell.arms[i], (cell.lower[i], cell.upper[i])
     if "grasp" in freed(cell.problem.arms[i]):
         return ""
     weights = np.ones(space.m)
     ends = starts
-    for firm in _FIRM:
-        weights[list(space.linear)] = firm
+    for weight in options.position_weights:
+        weights[list(space.linear)] = weight
         ends, gaps = nearest(kernels, ends, goal, *limits, weights=weights)
-        ends = ends[np.argsort(gaps, kind="stable")[:_TURNING]]
+        ends = ends[np.argsort(gaps, kind="stable")[: options.turned_from]]
     off = kernels.gap(ends[:1], goal)[0, 3:]
     off = off if off[0] >= 0 else -off
     half = math.atan2(float(np.linalg.norm(off[1:])), float(off[0]))
-    for factor in _TURNED if half > _MISSED else ():
+    for factor in options.turn_factors if half > options.missed else ():
         if half * factor > math.pi / 2:
             break
         axis = off[1:] / np.linalg.norm(off[1:])
         turn = np.array([math.cos(half * factor), *(math.sin(half * factor) * axis)])
-        written, turn = _written(arm.grasp, turn, planar=space.planar)
+        written, turn = _written(arm.grasp, turn, options.digits, planar=space.planar)
         place = np.concatenate([goal[:3], quaternion_product(goal[3:], turn)])
         _, gaps = project(kernels, ends, place, *limits)
         if gaps.min() <= CLOSED:
@@ -169,14 +196,19 @@ def _turned(model: PostureModel, setting: Setting, i: int, starts: Array) -> str
     return ""
 
 
-def _written(grasp: Pose, turn: Array, *, planar: bool) -> tuple[str, Array]:
-    """A grasp turned about its tip, as a problem file has it, and the turn that is left of what is
-    rounded there, a quaternion.
+def _written(grasp: Pose, turn: Array, digits: int, *, planar: bool) -> tuple[str, Array]:
+    """A turned grasp as a problem file has it, and the quaternion of the turn after rounding.
+
+    Args:
+        grasp: placement of the tip in the object.
+        turn: about the tip, a quaternion, (4,).
+        digits: of the angles.
+        planar: whether the problem is planar.
     """
     whole = quaternion_product(grasp.quaternion, turn)
-    rpy = Pose.make(grasp.position, rotation_rows(whole), whole).rpy.round(_DIGITS) + 0.0
-    back = grasp.quaternion * np.array([1.0, -1.0, -1.0, -1.0])
-    turned = np.array(quaternion_product(back, Pose.from_rpy(rpy=rpy).quaternion))
+    rpy = Pose.make(grasp.position, rotation_rows(whole), whole).rpy.round(digits) + 0.0
+    written = Pose.from_rpy(rpy=rpy).quaternion
+    turned = np.array(quaternion_product(conjugate(grasp.quaternion), written))
     if planar:
         return f"grasp.angle = {rpy[2]:g}", turned
     return f"grasp.rpy = [{', '.join(f'{angle:g}' for angle in rpy)}]", turned
