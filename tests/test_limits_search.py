@@ -14,7 +14,7 @@ from copose.cell.cell import Cell
 from copose.commands.command_line import main
 from copose.objectives.payload import Payload
 from copose.posture.model import PostureModel
-from copose.posture.search import global_search as search
+from copose.posture.search import combinations
 from copose.posture.search.ranking import judged
 from copose.posture.search.screening import Screened
 from copose.problem import parse
@@ -145,7 +145,7 @@ def test_a_hold_that_no_sample_has_is_found(monkeypatch) -> None:
             return Screened(screened.chosen[:0], screened.scores[:0], screened.combinations)
         return judged(machinery, setting, postures, near, screened, most)
 
-    monkeypatch.setattr(search, "judged", none_held)
+    monkeypatch.setattr(combinations, "judged", none_held)
     solution = copose.solve(parse(cell))
     assert solution.status == "solved"
     shares = [share for arm in solution.after.static_torque.values() for share in arm]

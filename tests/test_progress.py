@@ -28,7 +28,7 @@ from copose.motion.search.refinement import Refiner
 from copose.posture.local.climb import LocalSearches
 from copose.posture.placement.search import PlacementSearch
 from copose.posture.run.run import Run
-from copose.posture.search import global_search as search
+from copose.posture.search import combinations
 from copose.posture.solvers.ipopt import Ipopt
 from copose.problem import parse
 from copose.progress import Progress, StoppedError, heed, hushed, sheltered, stage, watched
@@ -176,7 +176,7 @@ class TestLimits:
 
     def test_the_start_is_an_answer_too(self, monkeypatch: pytest.MonkeyPatch) -> None:
         problem = parse(planar(2, 4))
-        stalled(monkeypatch, search, "screen")
+        stalled(monkeypatch, combinations, "screen")
         found = copose.solve(problem, time_limit=LIMIT)
         assert found.status == "solved" and cut_short(found, "comparing postures")
         assert found.after == found.before and copose.verify(problem, found) == ()

@@ -21,7 +21,8 @@ from copose.posture.optimum import LocalOptimum
 from copose.posture.reachable.components import component, rails_of
 from copose.posture.reachable.reachability import reachable
 from copose.posture.reachable.search import ReachableSet
-from copose.posture.search.global_search import EFFORTS, Found
+from copose.posture.search.effort import EFFORTS
+from copose.posture.search.outcome import SearchOutcome
 from copose.problem import parse
 from copose.self_motion.curves.tracing import follow
 from reference import Problem as Truth
@@ -653,11 +654,11 @@ def test_optima_that_cannot_be_reached_are_dropped(pair: dict) -> None:
     best = copose.solve(parse(pair["cell"] | {"search": {}})).after.joints
     far = np.concatenate(list(best.values()))
     near = np.concatenate(list(pair["solution"].after.joints.values()))
-    found = Found((), optima=(LocalOptimum(far, 1.0, 1), LocalOptimum(near, 0.5, 2)))
+    found = SearchOutcome((), optima=(LocalOptimum(far, 1.0, 1), LocalOptimum(near, 0.5, 2)))
     (kept,) = within.confirmed(found).optima
     assert kept.count == 2 and np.allclose(kept.q, near, atol=1e-9)
     half = np.concatenate([near[:7], far[7:]])
-    assert not within.confirmed(Found((), optima=(LocalOptimum(half, 1.0, 1),))).optima
+    assert not within.confirmed(SearchOutcome((), optima=(LocalOptimum(half, 1.0, 1),))).optima
 
 
 def test_a_posture_to_go_on_from_is_left_only_where_it_can_be(pair: dict) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -13,6 +14,7 @@ from cells import closed_postures, planar, random_cell, tables, two_pandas
 from copose.cell.cell import Cell
 from copose.measurement.meter import Meter
 from copose.posture.model import PostureModel
+from copose.posture.search.effort import EFFORTS
 from copose.problem import parse
 from copose.results import to_json
 from copose.self_motion.projection import CLOSED, project
@@ -204,6 +206,15 @@ def test_verification_says_whether_the_answer_stands(monkeypatch: pytest.MonkeyP
     assert not mended.search.verification.stands
     assert mended.objective.after == pytest.approx(solution.objective.after, abs=1e-8)
     assert any("missed this posture" in note for note in mended.notes)
+
+
+def test_an_effort_may_have_options_of_its_own() -> None:
+    planner = copose.Planner(parse(planar(2, 4)))
+    combining = replace(EFFORTS["low"].combining, fewest_starts=2)
+    few = replace(EFFORTS["low"], name="few", polished=2, combining=combining)
+    search = planner.solve(effort=few).search
+    assert search.effort == "few" and search.starts == 2
+    assert planner.solve(effort="low").search.starts > 2
 
 
 def test_a_moved_object_is_followed() -> None:

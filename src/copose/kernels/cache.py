@@ -73,11 +73,11 @@ def folder() -> Path | None:
         home.mkdir(parents=True, exist_ok=True)
         with contextlib.suppress(FileExistsError):
             place.mkdir(mode=0o700)
-        found = place.lstat()
+        state = place.lstat()
     except OSError:
         return None
-    own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid()
-    return place if own and stat.S_IMODE(found.st_mode) & 0o077 == 0 else None
+    own = stat.S_ISDIR(state.st_mode) and state.st_uid == os.geteuid()
+    return place if own and stat.S_IMODE(state.st_mode) & 0o077 == 0 else None
 
 
 def stored(key: str, suffix: str) -> tuple[Path, bytes] | None:
@@ -113,10 +113,10 @@ def library(key: str) -> ctypes.CDLL | None:
     Raises:
         OSError: it cannot be loaded.
     """
-    found = stored(key, ".so")
-    if found is None:
+    entry = stored(key, ".so")
+    if entry is None:
         return None
-    file, content = found
+    file, content = entry
     if file not in _loaded:
         _loaded[file] = _opened(file, content)
     return _loaded[file]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from copose.live.problem_file.document import Changes
 from copose.poses import Array
-from copose.posture.run.run import EffortName
+from copose.posture.search.effort import EffortName
 from copose.problem import Problem
 from copose.results import Optimum, Posture, Solution
 

@@ -127,20 +127,23 @@ class Meter:
         """A meter for another objective of the same kind."""
         if objective is self.objective:
             return self
-        other = copy(self)
-        other.objective = objective
-        other.__dict__.pop("_allowance", None)
-        return other
+        meter = copy(self)
+        meter.objective = objective
+        return meter
 
-    @cached_property
+    @property
     def _allowance(self) -> TorqueLimitReport | None:
         """None where a joint has no torque limit."""
-        if self._cell.torque_limits is None:
-            return None
-        capacity = self._capacity
-        if capacity is None:
-            capacity = CellDynamics(self._cell, self._cell.torque_limits)
-        return TorqueLimitReport(self._cell, self.objective, capacity)
+        capacity = self._limited
+        return None if capacity is None else TorqueLimitReport(self._cell, self.objective, capacity)
+
+    @cached_property
+    def _limited(self) -> CellDynamics | None:
+        """The equations of motion; None where a joint has no torque limit."""
+        limits = self._cell.torque_limits
+        if limits is None or self._capacity is not None:
+            return None if limits is None else self._capacity
+        return CellDynamics(self._cell, limits)
 
     @cached_property
     def _companions(self) -> Companions:
@@ -156,46 +159,13 @@ class Meter:
             joints: positions by arm, (n_i,) each.
             everything: whether what the problem does not ask for is stated too.
         """
-        m, rows, pose = (
-            cell.system.space.m, list(cell.system.space.linear), cell.problem.object.pose,
-        )  # fmt: skip
-        errors, records, notes = {}, {}, []
-        for arm, function, q in zip(cell.arms, self._arms, joints, strict=True):
-            gap, turn, J, own, placements = function(q, cell.parameters)
-            error = closure_errors(gap[rows].T, turn.T, cell.system.space.rigid)
-            errors[arm.name] = float(error[0])
-            rank = _rank(J)
-            if rank < m:
-                notes.append(
-                    f"volume 0: the Jacobian of arm {arm.name!r} has rank {rank} of {m} here; "
-                    "another posture, or [objective] axes that it can move along, has a volume"
-                )
-            known = rank == m and arm.name not in cell.weightless
-            single = ellipsoid_of(own) if known else None
-            records[arm.name] = ArmRecord(
-                skeleton=matrix(placements[:3].T),
-                quaternions=matrix(placements[3:].T),
-                grasp=vector((pose @ arm.grasp).position),
-                ellipsoid=EllipsoidRecord.of(single),
-            )
+        errors, records, notes = self._by_arm(cell, joints)
         ellipsoids: dict[str, Ellipsoid | None] = dict.fromkeys(RESOLUTIONS)
         closed = not notes
         if closed and not cell.weightless:
             whole = self._ellipsoids(cell, joints)
-            if any(each is None for each in whole.values()):
-                notes.append(
-                    "volume unknown: the equations of motion are singular to working "
-                    "precision; another posture, or inertia and armature as they are, has one"
-                )
+            notes += _ellipsoid_notes(whole)
             ellipsoids = {name: sliced(cell, each) for name, each in whole.items()}
-            # Whether the object can be kept at rest is a question for all of its coordinates, and
-            # not for least-norm rules.
-            optimal = whole["torque-optimal"]
-            if optimal is not None and not optimal.contains(np.zeros(m)):
-                notes.append(
-                    "rest is outside the shifted ellipsoid: torques of the ball cannot keep the "
-                    "object from accelerating (copose manual measures)"
-                )
         ellipsoid = ellipsoids[cell.resolution.name]
         allowed = self._allowed(cell, joints, everything)
         notes += allowed.notes
@@ -210,7 +180,7 @@ class Meter:
         }
         posture = Posture(
             joints={arm.name: vector(q) for arm, q in zip(cell.arms, joints, strict=True)},
-            object=place(pose, planar),
+            object=place(cell.problem.object.pose, planar),
             closure_error=errors,
             ellipsoid=EllipsoidRecord.of(ellipsoid),
             log_volumes={
@@ -230,16 +200,40 @@ class Meter:
             value = None if measured is None else self.objective.of(measured)
         return Measurement(posture, ellipsoid, value, tuple(notes), allowed.extremes)
 
+    def _by_arm(
+        self, cell: Cell, joints: Sequence[Array]
+    ) -> tuple[dict[str, float], dict[str, ArmRecord], list[str]]:
+        """Closure errors, skeletons and ellipsoids by arm, and notes on arms that are singular."""
+        space, pose = cell.system.space, cell.problem.object.pose
+        errors, records, notes = {}, {}, []
+        for arm, function, q in zip(cell.arms, self._arms, joints, strict=True):
+            gap, turn, J, own, placements = function(q, cell.parameters)
+            errors[arm.name] = float(
+                closure_errors(gap[list(space.linear)].T, turn.T, space.rigid)[0]
+            )
+            rank = _rank(J)
+            if rank < space.m:
+                notes.append(
+                    f"volume 0: the Jacobian of arm {arm.name!r} has rank {rank} of {space.m} "
+                    "here; another posture, or [objective] axes that it can move along, has a "
+                    "volume"
+                )
+            known = rank == space.m and arm.name not in cell.weightless
+            records[arm.name] = ArmRecord(
+                skeleton=matrix(placements[:3].T),
+                quaternions=matrix(placements[3:].T),
+                grasp=vector((pose @ arm.grasp).position),
+                ellipsoid=EllipsoidRecord.of(ellipsoid_of(own) if known else None),
+            )
+        return errors, records, notes
+
     def _allowed(self, cell: Cell, joints: Sequence[Array], everything: bool) -> Allowances:
+        asks = self.objective.torque_limited or cell.problem.constraints.static_torque
+        # Built only for what is stated.
+        allowance = self._allowance if everything or asks else None
         if not everything:
-            asks = self.objective.torque_limited or cell.problem.constraints.static_torque
-            if not asks or self._allowance is None:
-                return Allowances(cell)
-            return self._allowance.asked(cell, joints)
-        if self._allowance is None:
-            allowances = Allowances.unknown(cell)
-        else:
-            allowances = self._allowance.all(cell, joints)
+            return Allowances(cell) if allowance is None else allowance.asked(cell, joints)
+        allowances = Allowances.unknown(cell) if allowance is None else allowance.all(cell, joints)
         allowances.keys["companions"] = self._companions.of(cell, joints)
         return allowances
 
@@ -247,7 +241,8 @@ class Meter:
         """Share of each joint's torque limit, by arm, in the hold at rest whose largest share is
         smallest; None where a joint has no limit or no contact wrenches hold the object.
         """
-        return None if self._allowance is None else self._allowance.holding(cell, joints)
+        allowance = self._allowance
+        return None if allowance is None else allowance.holding(cell, joints)
 
     def _ellipsoids(self, cell: Cell, joints: Sequence[Array]) -> dict[str, Ellipsoid | None]:
         """The system's ellipsoid by each resolution, in all coordinates of the task."""
@@ -274,6 +269,25 @@ def closure_errors(gap: Array, turn: Array, rigid: bool) -> Array:
     distance = np.linalg.norm(gap, axis=1)
     angle = 2 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), np.abs(turn[:, 0]))
     return np.asarray(np.maximum(distance, angle) if rigid else distance)
+
+
+def _ellipsoid_notes(whole: Mapping[str, Ellipsoid | None]) -> list[str]:
+    """Notes on ellipsoids by resolution, in all coordinates of the task."""
+    notes = []
+    if any(each is None for each in whole.values()):
+        notes.append(
+            "volume unknown: the equations of motion are singular to working precision; another "
+            "posture, or inertia and armature as they are, has one"
+        )
+    # Whether the object can be kept at rest is a question for all of its coordinates, and not for
+    # least-norm rules.
+    optimal = whole["torque-optimal"]
+    if optimal is not None and not optimal.contains(np.zeros(len(optimal.center))):
+        notes.append(
+            "rest is outside the shifted ellipsoid: torques of the ball cannot keep the object "
+            "from accelerating (copose manual measures)"
+        )
+    return notes
 
 
 def _rank(J: Array) -> int:

@@ -1,4 +1,4 @@
-"""The ellipsoids of a given posture, and whether a result's numbers are what it says."""
+"""Evaluation of a given posture, and verification of a result's numbers."""
 
 from __future__ import annotations
 
@@ -17,15 +17,12 @@ from copose.kernels import one_at_a_time
 from copose.measurement.collision import noted, overlap_notes, with_collision
 from copose.measurement.meter import Measurement, Meter
 from copose.objectives.build import objective_of
+from copose.objectives.objective import Objective
 from copose.poses import Array
-from copose.posture.placement.search import Placed
-from copose.posture.solution import Case, Placing, answer
+from copose.posture.solution import MeasuredCase, MeasuredCases, solution_of
 from copose.problem import Problem
 from copose.progress import Tell, stage, watched
 from copose.results import EllipsoidRecord, LinkRecord, Posture, Solution, Timing, link_records
-
-# What a given posture may miss its grasp or a limit by before it counts as open.
-TOLERANCE = 1e-6
 
 
 @one_at_a_time
@@ -90,19 +87,47 @@ def _evaluated(
         else:
             notes += overlap_notes(cell, bodies, q)
     measured = noted(measured, constraints_of(cell))
-    placed = Placed((x,), (np.concatenate(q),), np.nan)
-    after = Placing(placed, (Case(measured, 1.0),)) if len(freedom) else measured
     timing = Timing(build_s=built - began, search_s=time.perf_counter() - built)
+    free = (x,) if len(freedom) else None
+    return stated(cell, meter.objective, q, measured, timing, links, notes=notes, free=free)
+
+
+def stated(
+    cell: Cell,
+    objective: Objective,
+    q: Sequence[Array],
+    measured: Measurement,
+    timing: Timing,
+    links: tuple[LinkRecord, ...],
+    *,
+    notes: tuple[str, ...] = (),
+    free: tuple[Array, ...] | None = None,
+) -> Solution:
+    """The result of a given posture: ``infeasible`` where it is open or breaks a limit.
+
+    Args:
+        cell: the arms, with the object where it is.
+        objective: what is measured.
+        q: the posture, by arm (n_i,).
+        measured: its measures.
+        timing: seconds spent.
+        links: outlines of the arms' links.
+        notes: beside those on the cell and on the posture.
+        free: free coordinates, (d,), of the one case; None where nothing is said of them.
+    """
     fault = next(faults(cell, q, measured), None)
-    if fault is None:
-        return answer(
-            cell, meter.objective, status="solved", notes=notes, after=after, timing=timing,
-            links=links,
-        )  # fmt: skip
-    return answer(
-        cell, meter.objective, status="infeasible", reason=fault, notes=notes, miss=measured,
-        timing=timing, links=links,
-    )  # fmt: skip
+    after = MeasuredCases((MeasuredCase(measured),), free)
+    return solution_of(
+        cell,
+        objective,
+        status="solved" if fault is None else "infeasible",
+        reason=fault,
+        notes=notes,
+        after=after if fault is None else None,
+        miss=None if fault is None else measured,
+        timing=timing,
+        links=links,
+    )
 
 
 def _starts(cell: Cell) -> list[Array]:
@@ -118,18 +143,27 @@ def _starts(cell: Cell) -> list[Array]:
     return starts
 
 
-def faults(cell: Cell, q: Sequence[Array], measured: Measurement) -> Iterator[str]:
-    """Limits that a posture, by arm (n_i,), breaks and grasps that it misses, a sentence each."""
+def faults(
+    cell: Cell, q: Sequence[Array], measured: Measurement, tolerance: float = 1e-6
+) -> Iterator[str]:
+    """Limits that a posture breaks and grasps that it misses, a sentence each.
+
+    Args:
+        cell: the arms.
+        q: the posture, by arm (n_i,).
+        measured: its measures.
+        tolerance: m or rad, by which it may.
+    """
     for arm, positions in zip(cell.arms, q, strict=True):
         for joint, position in zip(arm.joints, positions, strict=True):
             beyond = max(joint.lower - position, position - joint.upper)
-            if beyond > TOLERANCE:
+            if beyond > tolerance:
                 yield (
                     f"arm {arm.name!r}: joint {joint.name!r} at {position:.6g} is {beyond:.4g} "
                     f"beyond its limits {joint.lower:g} … {joint.upper:g}"
                 )
     for name, error in measured.posture.closure_error.items():
-        if error > TOLERANCE:
+        if error > tolerance:
             unit = "m or rad" if cell.system.space.rigid else "m"
             yield f"arm {name!r} misses its grasp by {error:.4g} {unit}"
 
@@ -144,6 +178,8 @@ def verify(problem: Problem, solution: Solution) -> tuple[str, ...]:
     given, freedom = Cell.of(problem), Freedom.of(problem)
     meter = Meter(given)
     objective = meter.objective
+    names = [case.name for case in problem.cases] or [""]
+    weights = [case.weight for case in problem.cases] or [1.0]
     wrong = []
     if (solution.objective.kind, solution.objective.unit) != (objective.kind, objective.unit):
         wrong.append(f"the objective is {objective.kind}, in {objective.unit}")
@@ -151,29 +187,32 @@ def verify(problem: Problem, solution: Solution) -> tuple[str, ...]:
         ("before", solution.cases_before or (solution.before,)),
         ("after", solution.cases or (solution.after,)),
     ):
-        total: float | None = 0.0
-        names = [case.name for case in problem.cases] or [""]
-        weights = [case.weight for case in problem.cases] or [1.0]
         if len(postures) != len(names):
             wrong.append(f"{when}: {len(names)} cases are expected")
             continue
-        for k, stated in enumerate(postures):
-            if stated is None:
+        total: float | None = 0.0
+        for name, weight, case, posture in zip(names, weights, given.cases, postures, strict=True):
+            if posture is None:
                 total = None
                 continue
-            where = f"{when}, {names[k]}" if names[k] else when
-            cell = freedom.at(given.cases[k], freedom.stated(problem, solution, when, names[k]))
-            joints = cell.given(stated.joints)
-            everything = "companions" in stated.model_fields_set
-            here = meter.toward(objective if not names[k] else objective_of(cell))
-            measured = here.measure(cell, joints, everything=everything)
-            wrong += [f"{where}: {fault}" for fault in faults(cell, joints, measured)]
-            wrong += [f"{where}: {key}" for key in _differences(stated, measured.posture)]
-            value = measured.value
-            total = None if total is None or value is None else total + weights[k] * value
+            cell = freedom.at(case, freedom.stated(problem, solution, when, name))
+            aim = objective_of(cell) if name else objective
+            value, disagreements = _remeasured(cell, meter.toward(aim), posture)
+            where = f"{when}, {name}" if name else when
+            wrong += [f"{where}: {disagreement}" for disagreement in disagreements]
+            total = None if total is None or value is None else total + weight * value
         if total is not None and not _near(getattr(solution.objective, when), total):
             wrong.append(f"{when}: the objective is {total!r}")
     return tuple(wrong)
+
+
+def _remeasured(cell: Cell, meter: Meter, posture: Posture) -> tuple[float | None, list[str]]:
+    """Objective of a posture's joints, and what of the posture does not follow from them."""
+    joints = cell.given(posture.joints)
+    everything = "companions" in posture.model_fields_set
+    measured = meter.measure(cell, joints, everything=everything)
+    wrong = [*faults(cell, joints, measured), *_differences(posture, measured.posture)]
+    return measured.value, wrong
 
 
 def _differences(stated: Posture, measured: Posture) -> Iterator[str]:

@@ -1,61 +1,48 @@
-"""From a problem to its best posture."""
+"""The planner: solves a problem, follows and measures postures, and traces self-motions."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
-from numbers import Integral
-from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from copose.cell.cell import Cell
 from copose.cell.freedom import Freedom
-from copose.errors import InputError, nearest
+from copose.errors import InputError
 from copose.kernels import one_at_a_time
 from copose.measurement.meter import Measures
 from copose.objectives.build import objective_of
 from copose.poses import Array
-from copose.posture.evaluation import faults
+from copose.posture.arguments import (
+    Warm,
+    arm_called,
+    check_seed,
+    effort_of,
+    postures_of,
+    warm_joints,
+    warm_placement,
+)
+from copose.posture.evaluation import stated
 from copose.posture.landscape.branches import held_postures
 from copose.posture.landscape.curve_values import self_motions
 from copose.posture.landscape.objective_map import Landscape, landscape
-from copose.posture.local.nlp_cuts import NlpCuts
+from copose.posture.local.local_end import LocalEnd, local_solve
 from copose.posture.model import PostureModel
 from copose.posture.placement.run import PlacedRun
-from copose.posture.placement.search import Placed
 from copose.posture.reachable.components import rails_of
-from copose.posture.run.run import EffortName, Run
+from copose.posture.run.run import Run
+from copose.posture.search.effort import Effort, EffortName
 from copose.posture.setting import Setting
-from copose.posture.solution import answer, unfound
+from copose.posture.solution import unfound
 from copose.problem import Problem, same_structure
 from copose.progress import StoppedError, Tell, sheltered, stage, watched
 from copose.results import Solution, Timing
 from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
 from copose.self_motion.misses.gaps import Followed, Gap, nearest_gaps
 from copose.self_motion.null_space import NullMotion, null_basis, null_motion
-from copose.self_motion.projection import CLOSED, project
-
-
-@dataclass(frozen=True, eq=False)
-class LocalEnd:
-    """Where a local solve ended.
-
-    Attributes:
-        joints: rad or m, by arm.
-        objective: there.
-        optimality: scaled error of the optimality conditions, as IPOPT measures it; infinite where
-            no climb led anywhere better.
-        converged: whether that meets IPOPT's tolerance, 1e-9, with every chain closed.
-    """
-
-    joints: dict[str, Array]
-    objective: float
-    optimality: float
-    converged: bool
 
 
 class Planner:
@@ -92,7 +79,7 @@ class Planner:
         return partial(type(self), movable=self._movable), (self.problem,)
 
     def fits(self, problem: Problem) -> bool:
-        """Whether this planner can solve a problem in place of its own, without building anew.
+        """True where this planner can solve a problem in place of its own, without building anew.
 
         It may differ in the object's pose, mass and inertia, in directions, and, where the planner
         is built ``movable``, in grasps, and in bases where neither bodies nor contacts have limits.
@@ -106,7 +93,7 @@ class Planner:
         return {arm.name: cell.spare(i) for i, arm in enumerate(cell.arms)}
 
     def compile(self) -> bool:
-        """Wait until the kernels are compiled; whether they are in use then.
+        """Wait until the kernels are compiled; true where they are in use then.
 
         They are not where no compiler is found, or with ``COPOSE_COMPILE=0`` in the environment.
         """
@@ -118,9 +105,9 @@ class Planner:
         *,
         problem: Problem | None = None,
         object_pose: Mapping[str, object] | None = None,
-        warm: Solution | Mapping[str, Sequence[float]] | None = None,
+        warm: Warm | None = None,
         seed: int | None = None,
-        effort: EffortName = "normal",
+        effort: EffortName | Effort = "normal",
         verify: bool = False,
         progress: Tell | None = None,
         time_limit: float | None = None,
@@ -133,8 +120,9 @@ class Planner:
             warm: a posture to go on from, or a result whose ``after`` it is: only the local optimum
                 that it leads to is sought. Where it cannot follow the object, all is searched.
             seed: in place of the file's.
-            effort: how much is searched; ``high`` where an arm has more than one degree of freedom
-                to spare.
+            effort: how much is searched: ``low``, ``normal`` or ``high``, or an `Effort` with
+                options of its own; ``high`` where an arm has more than one degree of freedom to
+                spare.
             verify: search again with another seed and twice the effort, and say whether the answer
                 stands.
             progress: called with a `copose.Progress` as stages begin and the best so far grows.
@@ -148,10 +136,8 @@ class Planner:
         Raises:
             InputError: an argument is not what it should be.
         """
-        if seed is not None and not (isinstance(seed, Integral) and 0 <= seed < 2**63):
-            raise InputError(f"{seed!r} is no whole number from 0 to 2⁶³ − 1", key="seed")
-        if effort not in get_args(EffortName):
-            raise InputError(f"{effort!r} is not low, normal or high", key="effort")
+        check_seed(seed)
+        tried = effort_of(effort)
         if problem is not None and not self.fits(problem):
             raise InputError("differs in more than parameters; build a planner for it")
         began = time.perf_counter()
@@ -169,7 +155,7 @@ class Planner:
             )
             try:
                 self._model.compiled()
-                return self._answer(run, warm, effort, verify)
+                return self._answer(run, warm, tried, verify)
             except StoppedError as stop:
                 with sheltered():
                     return unfound(setting.cell, setting.objective, stop, run.timing)
@@ -177,8 +163,8 @@ class Planner:
     def _answer(
         self,
         run: Run,
-        warm: Solution | Mapping[str, Sequence[float]] | None,
-        effort: EffortName,
+        warm: Warm | None,
+        effort: Effort,
         verify: bool,
     ) -> Solution:
         """The answer of a run from a warm posture, if there is one, or of a search."""
@@ -192,9 +178,9 @@ class Planner:
                     key="verify",
                 )
             solution = (
-                run.follow(cell.given(_posture(warm)))
+                run.follow(cell.given(warm_joints(warm)))
                 if placed is None
-                else placed.follow(_placed(cell, warm))
+                else placed.follow(warm_placement(cell, warm))
             )
             if solution is not None:
                 return solution
@@ -218,37 +204,9 @@ class Planner:
         Raises:
             InputError: the joints do not fit the arms.
         """
-        model = self._model
-        model.compiled()
+        self._model.compiled()
         setting = self._setting(object_pose)
-        cell = setting.cell
-        q, gaps = [], []
-        for i, start in enumerate(cell.given(joints)):
-            end, gap = project(
-                model.arms[i], start[None], setting.placement.goals[i],
-                setting.lower[i], setting.upper[i],
-            )  # fmt: skip
-            q.append(end)
-            gaps.append(gap[0])
-        start = np.hstack(q)
-        if model.smooth and not model.feasibility.judged:
-            polished = model.polisher(setting).polish(start)
-            end, value, error = polished.q[0], polished.value[0], polished.error[0]
-            converged = bool(polished.converged[0])
-        else:
-            solved = next(NlpCuts(model).solve(setting, start))
-            end, error, converged = solved.q, solved.optimality, solved.converged
-            value, kept = model.objectives(setting, np.vstack([end, start]))
-            if not value >= kept:
-                # A step of IPOPT may leave for a worse optimum.
-                end, value, error, converged = start[0], kept, np.inf, False
-        parts = enumerate(zip(cell.arms, cell.system.split(end), strict=True))
-        return LocalEnd(
-            joints={arm.name: cell.folded(i, mine) for i, (arm, mine) in parts},
-            objective=float(value),
-            optimality=float(error),
-            converged=bool(converged and max(gaps) <= CLOSED),
-        )
+        return local_solve(self._model, setting, setting.cell.given(joints))
 
     def _setting(
         self, object_pose: Mapping[str, object] | None, problem: Problem | None = None
@@ -311,17 +269,8 @@ class Planner:
         cell, objective = setting.cell, setting.objective
         q = cell.given(joints)
         measured = model.measure(setting, q, everything=everything)
-        fault = next(faults(cell, q, measured), None)
-        return answer(
-            cell,
-            objective,
-            status="solved" if fault is None else "infeasible",
-            reason=fault,
-            after=measured if fault is None else None,
-            miss=None if fault is None else measured,
-            timing=Timing(build_s=self.build_s, search_s=time.perf_counter() - began),
-            links=model.links,
-        )
+        timing = Timing(build_s=self.build_s, search_s=time.perf_counter() - began)
+        return stated(cell, objective, q, measured, timing, model.links)
 
     @one_at_a_time
     def holding_shares(
@@ -339,7 +288,7 @@ class Planner:
         """
         cell = self._setting(None, problem).cell
         shares = self._model.meter.holding_shares(cell, cell.given(joints))
-        return None if shares is None else {name: np.array(mine) for name, mine in shares.items()}
+        return None if shares is None else {name: np.array(share) for name, share in shares.items()}
 
     def measure(
         self,
@@ -347,7 +296,7 @@ class Planner:
         *,
         object_pose: Mapping[str, object] | None = None,
     ) -> Measures:
-        """What many postures are worth.
+        """Measures of many postures.
 
         Args:
             postures: joint positions by arm, rad or m, (count, n_i) each.
@@ -356,31 +305,9 @@ class Planner:
         Raises:
             InputError: the postures do not fit the arms.
         """
-        model = self._model
-        model.compiled()
+        self._model.compiled()
         setting = self._setting(object_pose)
-        cell, arrays = setting.cell, []
-        if not isinstance(postures, Mapping):
-            raise InputError("a mapping from arms to arrays is needed", key="postures")
-        for arm in cell.arms:
-            try:
-                q = np.asarray(postures.get(arm.name, ()), dtype=float)
-            except (TypeError, ValueError):
-                q = np.zeros(0)
-            if q.ndim != 2 or q.shape[1] != arm.n:
-                raise InputError(
-                    f"an array of shape (count, {arm.n}) is needed, for "
-                    + ", ".join(arm.joint_names),
-                    key=f"postures.{arm.name}",
-                )
-            arrays.append(q)
-        names = [arm.name for arm in cell.arms]
-        for name in postures:
-            if name not in names:
-                raise InputError(f"no arm is called {name!r}{nearest(name, names)}", key="postures")
-        if len({len(q) for q in arrays}) > 1:
-            raise InputError("the arms have different numbers of postures", key="postures")
-        return model.measures(setting, arrays)
+        return self._model.measures(setting, postures_of(setting.cell, postures))
 
     @one_at_a_time
     def self_motion(
@@ -404,7 +331,7 @@ class Planner:
             InputError: it has another number, or an arm does not hold the object.
         """
         setting, q = self._posture_of(joints, problem)
-        which, before = [self._arm_called(arm)], () if known is None else (known,)
+        which, before = [arm_called(self._model.cell, arm)], () if known is None else (known,)
         seed = self.problem.search.seed
         return self_motions(self._model, setting, q, which, seed, before)[0]
 
@@ -433,7 +360,7 @@ class Planner:
             InputError: as for `self_motion`; or both are one.
         """
         setting, q = self._posture_of(joints, problem)
-        arms = self._arm_called(first), self._arm_called(second)
+        arms = arm_called(self._model.cell, first), arm_called(self._model.cell, second)
         if arms[0] == arms[1]:
             raise InputError(f"two arms are needed, not {first!r} twice", key="second")
         before = () if known is None else (known.first, known.second)
@@ -451,7 +378,7 @@ class Planner:
         basis: ArrayLike | None = None,
         problem: Problem | None = None,
     ) -> NullMotion:
-        """Where an arm comes to along one of the directions in which it can move by itself.
+        """Motion of an arm by itself along one of the directions in which it can move so.
 
         Args:
             joints: a posture that holds the object, by arm.
@@ -466,7 +393,7 @@ class Planner:
             InputError: there is no such direction, or an arm does not hold the object.
         """
         setting, q = self._posture_of(joints, problem)
-        i = self._arm_called(arm)
+        i = arm_called(self._model.cell, arm)
         spare, shape = setting.cell.spare(i), (setting.cell.spare(i), setting.cell.arms[i].n)
         if not 0 <= direction < spare:
             raise InputError(f"arm {arm!r} has {max(spare, 0)} directions", key="direction")
@@ -484,18 +411,12 @@ class Planner:
         setting = self._setting(None, problem)
         return setting, setting.cell.given(joints)
 
-    def _arm_called(self, name: str) -> int:
-        names = [arm.name for arm in self._model.cell.arms]
-        if name not in names:
-            raise InputError(f"no arm is called {name!r}{nearest(name, names)}", key="arm")
-        return names.index(name)
-
 
 def solve(
     problem: Problem,
     *,
     seed: int | None = None,
-    effort: EffortName = "normal",
+    effort: EffortName | Effort = "normal",
     verify: bool = False,
     progress: Tell | None = None,
     time_limit: float | None = None,
@@ -515,28 +436,3 @@ def solve(
                 cell, spent = Cell.of(problem), time.perf_counter() - began
                 return unfound(cell, objective_of(cell), stop, Timing(build_s=spent, search_s=0.0))
         return planner.solve(seed=seed, effort=effort, verify=verify)
-
-
-def _placed(cell: Cell, warm: Solution | Mapping[str, Sequence[float]]) -> Placed:
-    """Where a result, or a posture at the file's pose, has everything that is free."""
-    cases, freedom, problem = cell.cases, Freedom.of(cell.problem), cell.problem
-    if not isinstance(warm, Solution):
-        xs = [freedom.nominal] * len(cases)
-        joints: list[Mapping[str, Sequence[float]]] = [warm] * len(cases)
-    else:
-        postures = warm.cases if warm.cases is not None else (warm.after,)
-        joints = [posture.joints for posture in postures if posture is not None]
-        if len(joints) != len(cases):
-            raise InputError("has no posture: its after is null", key="warm")
-        names = [case.name for case in problem.cases] or [""]
-        xs = [freedom.stated(problem, warm, "after", name) for name in names]
-    q = [np.concatenate(cell.given(each)) for each in joints]
-    return Placed(tuple(xs), tuple(q), -np.inf)
-
-
-def _posture(warm: Solution | Mapping[str, Sequence[float]]) -> Mapping[str, Sequence[float]]:
-    if not isinstance(warm, Solution):
-        return warm
-    if warm.after is None:
-        raise InputError("has no posture: its after is null", key="warm")
-    return warm.after.joints

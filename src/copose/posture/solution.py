@@ -1,4 +1,4 @@
-"""Measurements put together into a result."""
+"""Solutions: measured postures of all cases put together into a result."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from copose.cell.freedom import Freedom
 from copose.cell.notes import extreme_notes, once, standing_notes
 from copose.measurement.meter import Measurement
 from copose.objectives.objective import Objective
-from copose.posture.placement.search import Placed
+from copose.poses import Array
 from copose.progress import StoppedError
 from copose.results import (
     CasePosture,
@@ -33,19 +33,30 @@ Status: TypeAlias = Literal["solved", "infeasible", "failed"]
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
-    """A measured posture of one case, and how much it counts."""
+class MeasuredCase:
+    """A measured posture of one case, and the weight of its objective."""
 
     measured: Measurement
-    weight: float
+    weight: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Placing:
-    """Measured postures of all cases, and where everything that is free is for them."""
+class MeasuredCases:
+    """Measured postures of all cases, and where everything that is free is for them.
 
-    placed: Placed
-    cases: tuple[Case, ...]
+    Attributes:
+        cases: in the file's order.
+        free: by case, free coordinates, (d,); None of one posture by itself, of whose place nothing
+            is said.
+    """
+
+    cases: tuple[MeasuredCase, ...]
+    free: tuple[Array, ...] | None = None
+
+    @classmethod
+    def single(cls, measured: Measurement) -> MeasuredCases:
+        """One posture by itself."""
+        return cls((MeasuredCase(measured),))
 
     @property
     def value(self) -> float:
@@ -56,7 +67,7 @@ class Placing:
         return sum(c.weight * v for c, v in zip(self.cases, values, strict=True) if v is not None)
 
 
-def answer(
+def solution_of(
     cell: Cell,
     objective: Objective,
     *,
@@ -64,23 +75,36 @@ def answer(
     timing: Timing,
     reason: str | None = None,
     notes: tuple[str, ...] = (),
-    before: Measurement | Placing | None = None,
-    after: Measurement | Placing | None = None,
+    before: MeasuredCases | None = None,
+    after: MeasuredCases | None = None,
     miss: Measurement | None = None,
     search: SearchRecord | None = None,
     reachable: bool | None = None,
     links: tuple[LinkRecord, ...] = (),
 ) -> Solution:
-    """The result of what was measured."""
+    """The result of measured postures.
+
+    Args:
+        cell: the arms, with the object where it is.
+        objective: what is maximised.
+        status: whether there is an answer.
+        timing: seconds spent.
+        reason: why there is none.
+        notes: beside those on the cell and on the postures.
+        before: where the arms were.
+        after: the answer.
+        miss: the nearest posture where none holds the object.
+        search: evidence.
+        reachable: whether the arms can move from ``before`` to ``after``.
+        links: outlines of the arms' links.
+    """
     notes = (*standing_notes(cell), *notes)
-    for when, measured in (("before", before), ("after", after)):
-        each = [measured] if isinstance(measured, Measurement) else []
-        if isinstance(measured, Placing):
-            each = [case.measured for case in measured.cases]
-        said = [note for one in each for note in one.notes]
-        notes += tuple(f"{when}: {note}" for note in dict.fromkeys(said))
+    for when, postures in (("before", before), ("after", after)):
+        each = [] if postures is None else [case.measured for case in postures.cases]
+        own = [note for measured in each for note in measured.notes]
+        notes += tuple(f"{when}: {note}" for note in dict.fromkeys(own))
         if when == "after":
-            notes += extreme_notes(cell, [one.extremes for one in each])
+            notes += extreme_notes(cell, [measured.extremes for measured in each])
     return Solution(
         copose=__version__,
         problem=ProblemRecord.of(cell.problem, links),
@@ -106,7 +130,7 @@ def answer(
 
 
 def joint_limits(cell: Cell) -> dict[str, tuple[JointRecord, ...]]:
-    """Of every joint, by arm."""
+    """Limits of every joint, by arm, in the order of the joints."""
 
     def finite(value: float) -> float | None:
         return float(value) if np.isfinite(value) else None
@@ -129,38 +153,37 @@ def joint_limits(cell: Cell) -> dict[str, tuple[JointRecord, ...]]:
 def unfound(cell: Cell, objective: Objective, stop: StoppedError, timing: Timing) -> Solution:
     """The result of a call that had to end before it found anything."""
     reason = f"{stop}: nothing was found yet"
-    return answer(cell, objective, status="failed", reason=reason, timing=timing)
+    return solution_of(cell, objective, status="failed", reason=reason, timing=timing)
 
 
-def _value(measured: Measurement | Placing | None) -> float | None:
-    if measured is None or isinstance(measured, Measurement):
-        return None if measured is None else measured.value
-    return measured.value if np.isfinite(measured.value) else None
+def _value(postures: MeasuredCases | None) -> float | None:
+    """The objective as a result states it."""
+    return postures.value if postures is not None and np.isfinite(postures.value) else None
 
 
-def _posture(cell: Cell, measured: Measurement | Placing | None) -> Posture | None:
+def _posture(cell: Cell, postures: MeasuredCases | None) -> Posture | None:
     """The one posture; None where there are cases."""
-    if isinstance(measured, Placing):
-        several = len(measured.cases) > 1 or cell.problem.cases
-        return None if several else measured.cases[0].measured.posture
-    return None if measured is None else measured.posture
-
-
-def _cases(cell: Cell, measured: Measurement | Placing | None) -> tuple[CasePosture, ...] | None:
-    if not cell.problem.cases or not isinstance(measured, Placing):
+    if postures is None or (postures.free is not None and cell.problem.cases):
         return None
-    found = []
-    for spec, case in zip(cell.problem.cases, measured.cases, strict=True):
+    return postures.cases[0].measured.posture
+
+
+def _cases(cell: Cell, postures: MeasuredCases | None) -> tuple[CasePosture, ...] | None:
+    """The postures of the file's cases; None where there are none."""
+    if not cell.problem.cases or postures is None or postures.free is None:
+        return None
+    records = []
+    for spec, case in zip(cell.problem.cases, postures.cases, strict=True):
         posture = case.measured.posture
         given = {key: getattr(posture, key) for key in posture.model_fields_set}
-        found.append(
+        records.append(
             CasePosture(**given, name=spec.name, weight=case.weight, objective=case.measured.value)
         )
-    return tuple(found)
+    return tuple(records)
 
 
 def _freedom(
-    cell: Cell, before: Measurement | Placing | None, after: Measurement | Placing | None
+    cell: Cell, before: MeasuredCases | None, after: MeasuredCases | None
 ) -> tuple[FreeRecord, ...]:
     """Offsets of what is free; the object's for every case."""
     freedom = Freedom.of(cell.problem)
@@ -171,7 +194,7 @@ def _freedom(
     ):
         for j, case in enumerate(cases if c.arm is None else [""]):
             ends = [
-                float(each.placed.x[j][k]) if isinstance(each, Placing) else None
+                None if each is None or each.free is None else float(each.free[j][k])
                 for each in (before, after)
             ]
             records.append(
@@ -184,7 +207,7 @@ def _freedom(
 
 
 def _open(measured: Measurement) -> Posture:
-    """A posture without the system's ellipsoid: arms that do not hold the object have none."""
+    """The posture of a miss, without an ellipsoid: arms that do not hold the object have none."""
     posture = measured.posture
     nothing = EllipsoidRecord.of(None)
     volumes = dict.fromkeys(posture.log_volumes)

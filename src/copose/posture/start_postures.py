@@ -7,7 +7,7 @@ import numpy as np
 from copose.cell.cell import Cell
 from copose.objectives.build import objective_of
 from copose.poses import Array
-from copose.posture.search.global_search import EFFORTS
+from copose.posture.search.effort import EFFORTS
 from copose.robots import ArmStart
 from copose.self_motion.kernels import ArmKernels, KernelInputsBuilder
 from copose.self_motion.sampling import ArmSampler

@@ -1,13 +1,10 @@
-"""What is asked: a problem file as frozen, validated data."""
+"""Problems: what is asked, a problem file as frozen, validated data."""
 
 from copose.problem.arms import ArmSpec, PlanarArm, RobotArm
 from copose.problem.cases import CaseSpec
 from copose.problem.file.overrides import aimed, overridden, read_override
 from copose.problem.file.reading import (
-    case_problems,
     check_depth,
-    displaced,
-    held,
     is_planar,
     moved,
     parse,
@@ -30,6 +27,7 @@ from copose.problem.path import PathSpec, PlanarWaypoint, Waypoint
 from copose.problem.spaces import SPACES, Space, SpaceName
 from copose.problem.spec import SCHEMA, ConstraintsSpec, PlanarProblem, Problem, SpatialProblem
 from copose.problem.structure import same_structure
+from copose.problem.variants import case_problems, displaced, held
 
 __all__ = [
     "OBJECTIVE_TABLES",

@@ -23,8 +23,6 @@ from copose.problem.fields import (
 from copose.problem.freedom import ArmFreedom, PlanarArmFreedom
 from copose.problem.objects import Grasp, Placement, PlanarGrasp, PlanarPlacement
 
-_MOST_LINKS = 32
-
 XacroArgument: TypeAlias = Text | bool | int | float
 FilePath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4000)]
 
@@ -88,7 +86,7 @@ class Grip(Spec):
 
     @property
     def endless(self) -> bool:
-        """Whether it bears everything."""
+        """True where the contact bears everything."""
         return self.force is None and self.moment is None
 
 
@@ -100,7 +98,7 @@ def _without(data: Any, key: str, text: str) -> Any:
 
 
 class ArmSpec(Spec):
-    """What arms of both kinds have in common; arrays go by free joints, root to tip.
+    """Arms of both kinds: their common keys; arrays go by free joints, root to tip.
 
     Attributes:
         name: its name, which no other arm has.
@@ -178,7 +176,7 @@ class RobotArm(ArmSpec):
 
     @property
     def kind(self) -> str:
-        """What its file is, and the key that names it."""
+        """Kind of its file, and the key that names it."""
         return "urdf" if self.mjcf is None else "mjcf"
 
     @property
@@ -215,7 +213,7 @@ class PlanarArm(ArmSpec):
         tool: a body fixed to the tip; left out, none.
     """
 
-    links: Annotated[tuple[Link, ...], Field(min_length=1, max_length=_MOST_LINKS)]
+    links: Annotated[tuple[Link, ...], Field(min_length=1, max_length=32)]
     base: PlanarPlacement = PlanarPlacement()
     grasp: PlanarGrasp
     freedom: PlanarArmFreedom = PlanarArmFreedom()

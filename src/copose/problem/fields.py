@@ -1,8 +1,9 @@
-"""The values that stand in problem files, each with what it may be."""
+"""Types of the values in problem files, and the root of their tables."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
@@ -16,14 +17,9 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-_LARGEST = 1e6
-_SMALLEST = 1e-12
-_NUMBER = {"type": "number"}
-_NUMBERS = {"type": "array", "minItems": 3, "maxItems": 3, "items": _NUMBER}
-
-Number: TypeAlias = Annotated[float, Field(allow_inf_nan=False, ge=-_LARGEST, le=_LARGEST)]
-Positive: TypeAlias = Annotated[float, Field(allow_inf_nan=False, ge=_SMALLEST, le=_LARGEST)]
-NotNegative: TypeAlias = Annotated[float, Field(allow_inf_nan=False, ge=0, le=_LARGEST)]
+Number: TypeAlias = Annotated[float, Field(allow_inf_nan=False, ge=-1e6, le=1e6)]
+Positive: TypeAlias = Annotated[float, Field(allow_inf_nan=False, ge=1e-12, le=1e6)]
+NotNegative: TypeAlias = Annotated[float, Field(allow_inf_nan=False, ge=0, le=1e6)]
 Pair: TypeAlias = tuple[Number, Number]
 Triple: TypeAlias = tuple[Number, Number, Number]
 Matrix3: TypeAlias = tuple[Triple, Triple, Triple]
@@ -69,12 +65,12 @@ def _range(pair: tuple[float, float]) -> tuple[float, float]:
 
 
 def fault(key: str, text: str) -> PydanticCustomError:
-    """What is wrong with a key that only the whole problem can judge."""
+    """A fault of a key that only the whole problem shows."""
     return PydanticCustomError("copose_key", "{text}", {"key": key, "text": text})
 
 
 def not_zero(value: float) -> float:
-    """A number that counts."""
+    """A number, which must not be 0."""
     if value == 0:
         raise PydanticCustomError("copose", "must not be zero")
     return value
@@ -96,7 +92,7 @@ def _unit(value: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _inertia_matrix(value: object) -> object:
-    """Three principal moments become the diagonal matrix they stand for."""
+    """A 3×3 matrix, diagonal where three principal moments are given."""
     if not isinstance(value, tuple) or len(value) != 3:
         raise PydanticCustomError("copose", "must be 3 diagonal entries or a 3×3 matrix")
     if all(isinstance(entry, tuple) for entry in value):
@@ -126,7 +122,7 @@ Name: TypeAlias = Annotated[str, AfterValidator(_name)]
 FolderName: TypeAlias = Annotated[str, AfterValidator(_folder_name)]
 Limit: TypeAlias = Annotated[float, AfterValidator(_limit)]
 Torque: TypeAlias = Annotated[
-    float, BeforeValidator(_unsigned), Field(ge=_SMALLEST), WithJsonSchema(_NUMBER)
+    float, BeforeValidator(_unsigned), Field(ge=1e-12), WithJsonSchema({"type": "number"})
 ]
 Range: TypeAlias = Annotated[tuple[Limit, Limit], AfterValidator(_range)]
 Direction: TypeAlias = Annotated[tuple[Number, ...], AfterValidator(_direction)]
@@ -136,7 +132,17 @@ Inertia: TypeAlias = Annotated[
     BeforeValidator(_inertia_matrix),
     AfterValidator(_physical_inertia),
     WithJsonSchema(
-        {"type": "array", "minItems": 3, "maxItems": 3, "items": {"anyOf": [_NUMBER, _NUMBERS]}}
+        {
+            "type": "array",
+            "minItems": 3,
+            "maxItems": 3,
+            "items": {
+                "anyOf": [
+                    {"type": "number"},
+                    {"type": "array", "minItems": 3, "maxItems": 3, "items": {"type": "number"}},
+                ]
+            },
+        }
     ),
 ]
 
@@ -145,3 +151,14 @@ class Spec(BaseModel):
     """The root of every table: frozen, no unknown keys, no silent conversion."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+def as_tuples(node: Any) -> Any:
+    """Arrays as tuples: a frozen problem holds nothing that can be changed; scalars as Python's."""
+    if isinstance(node, Mapping):
+        return {key: as_tuples(value) for key, value in node.items()}
+    if isinstance(node, (list, tuple)):
+        return tuple(as_tuples(value) for value in node)
+    if isinstance(node, np.ndarray):
+        return as_tuples(node.tolist())
+    return node.item() if isinstance(node, np.generic) else node

@@ -1,4 +1,4 @@
-"""What may be moved beside the joints: offsets to the poses that the file gives, m and rad."""
+"""Freedom beside the joints: ranges of offsets to the poses that the file gives, m and rad."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from copose.problem.fields import Interval, Spec
 
 
 class Freedom(Spec):
-    """How far something may be moved: coordinates that are not named stay.
+    """Ranges of free coordinates: those that are not named stay.
 
     Attributes:
         x: lowest and highest offset along x, m; left out, it stays.

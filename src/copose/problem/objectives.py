@@ -196,23 +196,16 @@ class PlainDirection(Spec):
     direction: Direction
 
 
-_DIRECTION = {"type": "array", "items": {"type": "number"}}
-_DIRECTIONS = {
-    "type": "array",
-    "minItems": 1,
-    "maxItems": 16,
-    "items": {
-        "anyOf": [
-            _DIRECTION,
-            {
-                "type": "object",
-                "properties": {"direction": _DIRECTION},
-                "required": ["direction"],
-                "additionalProperties": False,
-            },
-        ]
-    },
-}
+def _directions_schema() -> dict[str, Any]:
+    """JSON Schema of directions as bare arrays or as tables."""
+    array = {"type": "array", "items": {"type": "number"}}
+    table = {
+        "type": "object",
+        "properties": {"direction": array},
+        "required": ["direction"],
+        "additionalProperties": False,
+    }
+    return {"type": "array", "minItems": 1, "maxItems": 16, "items": {"anyOf": [array, table]}}
 
 
 def _as_directions(value: Any) -> Any:
@@ -237,7 +230,7 @@ class AccelerationObjective(ObjectiveTable):
         tuple[PlainDirection, ...] | None,
         BeforeValidator(_as_directions),
         Field(min_length=1, max_length=16),
-        WithJsonSchema(_DIRECTIONS),
+        WithJsonSchema(_directions_schema()),
     ] = None
 
     torque_limited = directed = True

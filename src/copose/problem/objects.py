@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
@@ -112,7 +113,7 @@ Shape: TypeAlias = Box | Sphere | Cylinder | Rectangle | Disk
 
 
 class Oriented(Spec):
-    """What has an orientation in space; once read, ``rpy`` says it, however it was written.
+    """A table with an orientation in space; once read, ``rpy`` says it, however it was written.
 
     Attributes:
         rpy: roll, pitch, yaw about fixed axes as in a URDF, rad; left out of a case or waypoint, as
@@ -163,6 +164,12 @@ class SpatialObject(Oriented):
         """Placement of the centre of mass in the world."""
         return Pose.from_rpy(self.position, self.rpy)
 
+    def displaced(self, offsets: Mapping[str, float]) -> SpatialObject:
+        """This object displaced by x, y, z, m, and roll, pitch, yaw, rad."""
+        turns = zip(self.rpy, ("roll", "pitch", "yaw"), strict=True)
+        rpy = tuple(angle + offsets.get(name, 0.0) for angle, name in turns)
+        return self.model_copy(update={"position": _shifted(self.position, offsets), "rpy": rpy})
+
 
 class PlanarObject(Spec):
     """``[object]`` in the plane.
@@ -191,6 +198,16 @@ class PlanarObject(Spec):
         """Placement of the centre of mass in the world."""
         return _planar_pose(self.position, self.angle)
 
+    def displaced(self, offsets: Mapping[str, float]) -> PlanarObject:
+        """This object displaced by x, y, m, and yaw, rad."""
+        angle = self.angle + offsets.get("yaw", 0.0)
+        position = _shifted(self.position, offsets)
+        return self.model_copy(update={"position": position, "angle": angle})
+
+
+def _shifted(position: tuple[float, ...], offsets: Mapping[str, float]) -> tuple[float, ...]:
+    return tuple(p + offsets.get(name, 0.0) for p, name in zip(position, "xyz", strict=False))
+
 
 def _planar_pose(position: Pair, angle: float) -> Pose:
     return Pose.from_rpy((*position, 0.0), (0.0, 0.0, angle))
@@ -208,7 +225,7 @@ class Placement(Oriented):
 
     @property
     def pose(self) -> Pose:
-        """The same as a pose."""
+        """The frame as a pose."""
         return Pose.from_rpy(self.position, self.rpy)
 
 
@@ -225,7 +242,7 @@ class PlanarPlacement(Spec):
 
     @property
     def pose(self) -> Pose:
-        """The same as a pose."""
+        """The frame as a pose."""
         return _planar_pose(self.position, self.angle)
 
 

@@ -10,29 +10,29 @@ from pydantic_core import PydanticCustomError
 from copose.problem.fields import NotNegative, Number, Pair, Positive, Spec, Triple
 from copose.problem.objects import Oriented
 
-_MOST_WAYPOINTS, _MOST_KNOTS = 100, 2000
-_LONGEST, _SHORTEST = 1e5, 1e-3
-
 
 def _duration(value: Any) -> Any:
     if value == "shortest":
         return value
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        if _SHORTEST <= value <= _LONGEST:
+        if 1e-3 <= value <= 1e5:
             return float(value)
         raise PydanticCustomError("copose", "must be from 0.001 to 1e5 s")
     raise PydanticCustomError("copose", "must be a number of seconds, or 'shortest'")
 
 
-_DURATION = WithJsonSchema(
-    {
-        "anyOf": [
-            {"type": "number", "minimum": _SHORTEST, "maximum": _LONGEST},
-            {"const": "shortest", "type": "string"},
-        ]
-    }
-)
-Duration: TypeAlias = Annotated[float | Literal["shortest"], PlainValidator(_duration), _DURATION]
+Duration: TypeAlias = Annotated[
+    float | Literal["shortest"],
+    PlainValidator(_duration),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "number", "minimum": 1e-3, "maximum": 1e5},
+                {"const": "shortest", "type": "string"},
+            ]
+        }
+    ),
+]
 
 
 class Waypoint(Oriented):
@@ -72,7 +72,7 @@ class PathSpec(Spec):
 
     waypoints: tuple[Waypoint, ...] | tuple[PlanarWaypoint, ...]
     duration: Duration = 2.0
-    knots: Annotated[int, Field(ge=2, le=_MOST_KNOTS)] = 50
+    knots: Annotated[int, Field(ge=2, le=2000)] = 50
     aggregate: Literal["mean", "worst"] = "mean"
     smoothness: NotNegative = 0.01
     closed: bool = False
@@ -82,12 +82,10 @@ class PathSpec(Spec):
 class SpatialPath(PathSpec):
     """``[path]`` in space."""
 
-    waypoints: Annotated[tuple[Waypoint, ...], Field(min_length=2, max_length=_MOST_WAYPOINTS)]
+    waypoints: Annotated[tuple[Waypoint, ...], Field(min_length=2, max_length=100)]
 
 
 class PlanarPath(PathSpec):
     """``[path]`` in the plane."""
 
-    waypoints: Annotated[
-        tuple[PlanarWaypoint, ...], Field(min_length=2, max_length=_MOST_WAYPOINTS)
-    ]
+    waypoints: Annotated[tuple[PlanarWaypoint, ...], Field(min_length=2, max_length=100)]

@@ -48,7 +48,7 @@ class Space:
 
     @property
     def rigid(self) -> bool:
-        """Whether a contact transmits moments too: the grasp then fixes the tip's orientation."""
+        """True where a contact transmits moments too: the grasp fixes the tip's orientation."""
         return bool(self.angular)
 
 

@@ -1,4 +1,4 @@
-"""What is asked: a problem file as frozen, validated data (SI units, radians)."""
+"""A problem as frozen, validated data (SI units, radians): the tables of a problem file."""
 
 from __future__ import annotations
 
@@ -34,8 +34,6 @@ from copose.problem.spaces import SPACES, Space, SpaceName
 
 # JSON Schema of problem files; it is made from what follows.
 SCHEMA = Path(__file__).with_name("schema.json")
-_MOST_ARMS, _MOST_OBSTACLES, _MOST_CASES = 32, 200, 16
-
 
 Named: TypeAlias = ArmSpec | Obstacle | PlanarObstacle | CaseSpec
 
@@ -135,7 +133,7 @@ class Problem(Displayed, Spec):
 
     @property
     def kinematic(self) -> bool:
-        """Whether what is asked for depends on no mass of an arm."""
+        """True where what is asked for depends on no mass of an arm."""
         held, driven = self.constraints.static_torque, self.constraints.dynamic_torque
         if driven is None:
             # The shortest motion keeps whatever torque limits there are.
@@ -271,9 +269,9 @@ class SpatialProblem(Problem):
 
     object: SpatialObject
     world: WorldSpec = WorldSpec()
-    arms: Annotated[tuple[RobotArm, ...], Field(min_length=1, max_length=_MOST_ARMS)]
-    obstacles: Annotated[tuple[Obstacle, ...], Field(max_length=_MOST_OBSTACLES)] = ()
-    cases: Annotated[tuple[Case, ...], Field(max_length=_MOST_CASES)] = ()
+    arms: Annotated[tuple[RobotArm, ...], Field(min_length=1, max_length=32)]
+    obstacles: Annotated[tuple[Obstacle, ...], Field(max_length=200)] = ()
+    cases: Annotated[tuple[Case, ...], Field(max_length=16)] = ()
     path: SpatialPath | None = None
 
 
@@ -282,7 +280,7 @@ class PlanarProblem(Problem):
 
     object: PlanarObject
     world: PlanarWorldSpec = PlanarWorldSpec()
-    arms: Annotated[tuple[PlanarArm, ...], Field(min_length=1, max_length=_MOST_ARMS)]
-    obstacles: Annotated[tuple[PlanarObstacle, ...], Field(max_length=_MOST_OBSTACLES)] = ()
-    cases: Annotated[tuple[PlanarCase, ...], Field(max_length=_MOST_CASES)] = ()
+    arms: Annotated[tuple[PlanarArm, ...], Field(min_length=1, max_length=32)]
+    obstacles: Annotated[tuple[PlanarObstacle, ...], Field(max_length=200)] = ()
+    cases: Annotated[tuple[PlanarCase, ...], Field(max_length=16)] = ()
     path: PlanarPath | None = None

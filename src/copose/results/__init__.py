@@ -1,6 +1,14 @@
-"""What is answered: postures, evidence, timings as frozen data, JSON in and out."""
+"""Results: postures, evidence and timings as frozen data, JSON in and out."""
 
 from copose.results.arrays import stacked
+from copose.results.evidence import (
+    FailureRecord,
+    Optimum,
+    PlacementRecord,
+    SampleRecord,
+    SearchRecord,
+    VerificationRecord,
+)
 from copose.results.files import read_motion, read_result, read_solution, to_json, write_file
 from copose.results.limits import AccelerationRecord, ExactSetRecord, WrenchRecord
 from copose.results.motion import (
@@ -10,29 +18,25 @@ from copose.results.motion import (
     RouteRecord,
     TrackingRecord,
 )
-from copose.results.records import CompanionRecord, EllipsoidRecord, Matrix, Vector, matrix, vector
-from copose.results.solution import (
+from copose.results.posture import (
     ArmRecord,
     CasePosture,
     CollisionRecord,
-    FailureRecord,
+    PlanarPlace,
+    Posture,
+    frame,
+    place,
+)
+from copose.results.records import CompanionRecord, EllipsoidRecord, Matrix, Vector, matrix, vector
+from copose.results.solution import (
     FreeRecord,
     JointRecord,
     LinkRecord,
     ObjectiveRecord,
-    Optimum,
-    PlacementRecord,
-    PlanarPlace,
-    Posture,
     ProblemRecord,
-    SampleRecord,
-    SearchRecord,
     Solution,
     Timing,
-    VerificationRecord,
-    frame,
     link_records,
-    place,
 )
 
 __all__ = [

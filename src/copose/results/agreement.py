@@ -1,4 +1,4 @@
-"""Whether what a result says fits together: names, counts, lengths and ellipsoids."""
+"""Agreement of a result with itself: names, counts, lengths and ellipsoids."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ import numpy as np
 from copose.capability import RESOLUTIONS, log_ball_volume
 from copose.problem import SPACES, PlanarObstacle
 from copose.results.motion import Motion
+from copose.results.posture import PlanarPlace, Posture
 from copose.results.records import EllipsoidRecord
-from copose.results.solution import PlanarPlace, Posture, ProblemRecord, Solution
+from copose.results.solution import ProblemRecord, Solution
 
-# What numbers that follow from one another may be apart by, relative.
-_SAME = 1e-6
-# No position or angle is larger, m or rad.
-_FARTHEST = 1e12
-# Nor any other number of a posture: squares and products of two are still numbers.
-_LARGEST = 1e100
-_PLACES = re.compile(r"^(joints|object|base|grasp)\b|\.(skeleton|quaternions|grasp)\b")
+
+class Largest:
+    """Bounds of the numbers in a result."""
+
+    error = 1e-6  # relative, between numbers that follow from one another
+    place = 1e12  # m or rad, of positions and angles
+    number = 1e100  # of all others: squares and products of two are still numbers
 
 
 def disagreements(answer: Solution | Motion) -> Iterator[str]:
-    """What does not fit together, ``key: why`` each."""
+    """Contradictions within a result, ``key: why`` each."""
     yield from _problem(answer.problem)
     names = answer.joint_names
     if not names or any(len(set(joints)) < len(joints) for joints in names.values()):
@@ -65,14 +66,14 @@ def _solution(solution: Solution) -> Iterator[str]:
     for free in solution.freedom:
         ends = free.lower, free.upper
         offsets = [x for x in (free.before, free.after) if x is not None]
-        if ends[0] > ends[1] or max(map(abs, (*ends, *offsets))) > _FARTHEST:
+        if ends[0] > ends[1] or max(map(abs, (*ends, *offsets))) > Largest.place:
             yield f"freedom.{free.name}: not a range and offsets"
     for key in ("before", "after", "nearest_miss"):
         yield from _faults(solution, key, getattr(solution, key))
     for key in ("cases", "cases_before"):
         for k, case in enumerate(getattr(solution, key) or ()):
             yield from _faults(solution, f"{key}.{k}", case)
-            if not 0 < case.weight <= _LARGEST:
+            if not 0 < case.weight <= Largest.number:
                 yield f"{key}.{k}.weight: not above zero"
 
 
@@ -88,7 +89,7 @@ def _motion(motion: Motion) -> Iterator[str]:
         return
     if len(motion.time) != len(motion.knots) or len(motion.time) < 2:
         yield "time: not one for every knot, of two at least"
-    if np.any(np.diff(motion.time) < 0) or max(map(abs, motion.time)) > _FARTHEST:
+    if np.any(np.diff(motion.time) < 0) or max(map(abs, motion.time)) > Largest.place:
         yield "time: does not run forwards"
     if motion.least_norm is not None and len(motion.least_norm.objective) != len(motion.time):
         yield "least_norm.objective: not one for every knot"
@@ -101,7 +102,7 @@ def _motion(motion: Motion) -> Iterator[str]:
 
 
 def _faults(answer: Solution | Motion, key: str, posture: Posture | None) -> Iterator[str]:
-    """Of a posture with a key of its own."""
+    """Contradictions within a posture, each with the posture's key."""
     if posture is not None:
         yield from (f"{key}.{fault}" for fault in _posture(answer, posture))
 
@@ -110,7 +111,7 @@ def _posture(answer: Solution | Motion, posture: Posture) -> Iterator[str]:
     space, counts = SPACES[answer.problem.space], _counts(answer.joint_names)
     m, wrenches = space.m, posture.wrenches or {}
     for key, number in _numbers("", posture.model_dump()):
-        if abs(number) > (_FARTHEST if _PLACES.search(key) else _LARGEST):
+        if abs(number) > (Largest.place if _is_place(key) else Largest.number):
             yield f"{key}: {number:g} is larger than any can be"
     shares = (posture.torque_shares or {}).items()
     by_joint = {
@@ -142,7 +143,7 @@ def _posture(answer: Solution | Motion, posture: Posture) -> Iterator[str]:
     for key, place in places.items():
         if isinstance(place, PlanarPlace) != space.planar:
             yield f"{key}: not of the task space"
-        if abs(float(np.linalg.norm(getattr(place, "quaternion", (1.0,)))) - 1) > _SAME:
+        if abs(float(np.linalg.norm(getattr(place, "quaternion", (1.0,)))) - 1) > Largest.error:
             yield f"{key}.quaternion: not of length 1"
     ellipsoids: list[tuple[str, EllipsoidRecord, int | None]] = [
         ("ellipsoid", posture.ellipsoid, len(answer.problem.axes)),
@@ -159,7 +160,7 @@ def _posture(answer: Solution | Motion, posture: Posture) -> Iterator[str]:
         rows.append((f"arms.{name}.quaternions", 4, arm.quaternions))
         if len(arm.quaternions) != len(arm.skeleton):
             yield f"arms.{name}.quaternions: not one of each point of skeleton"
-        elif any(abs(math.hypot(*each) - 1) > _SAME for each in arm.quaternions):
+        elif any(abs(math.hypot(*each) - 1) > Largest.error for each in arm.quaternions):
             yield f"arms.{name}.quaternions: not of length 1"
     for name, each in wrenches.items():
         rows.append(
@@ -181,7 +182,7 @@ def _posture(answer: Solution | Motion, posture: Posture) -> Iterator[str]:
 
 
 def _ellipsoid(record: EllipsoidRecord, a: int | None) -> Iterator[str]:
-    """Whether its numbers are those of one, in ``a`` coordinates where that is known."""
+    """Contradictions within an ellipsoid's numbers, in ``a`` coordinates where that is known."""
     if all(getattr(record, key) is None for key in EllipsoidRecord.model_fields):
         return
     for key in EllipsoidRecord.model_fields:
@@ -190,7 +191,11 @@ def _ellipsoid(record: EllipsoidRecord, a: int | None) -> Iterator[str]:
             return
     radii = record.radii or ()
     a = len(radii) if a is None else a
-    if len(radii) != a or min(radii, default=0.0) < 1 / _LARGEST or max(radii) > _LARGEST:
+    if (
+        len(radii) != a
+        or min(radii, default=0.0) < 1 / Largest.number
+        or max(radii) > Largest.number
+    ):
         yield "radii: not one positive number per axis"
     elif list(radii) != sorted(radii, reverse=True):
         yield "radii: not the longest first"
@@ -202,12 +207,17 @@ def _ellipsoid(record: EllipsoidRecord, a: int | None) -> Iterator[str]:
         axes, gram = np.array(record.axes), np.array(record.gram)
         factor = axes / np.array(radii)[:, None]
         volume = float(np.sum(np.log(radii))) + log_ball_volume(a)
-        if not np.allclose(axes @ axes.T, np.eye(a), rtol=0, atol=_SAME):
+        if not np.allclose(axes @ axes.T, np.eye(a), rtol=0, atol=Largest.error):
             yield "axes: not unit vectors at right angles"
-        elif not np.allclose(factor.T @ factor, gram, rtol=0, atol=_SAME * radii[-1] ** -2):
+        elif not np.allclose(factor.T @ factor, gram, rtol=0, atol=Largest.error * radii[-1] ** -2):
             yield "gram: not that of radii and axes"
-        elif abs((record.log_volume or 0.0) - volume) > _SAME * max(1.0, abs(volume)):
+        elif abs((record.log_volume or 0.0) - volume) > Largest.error * max(1.0, abs(volume)):
             yield "log_volume: not that of radii"
+
+
+def _is_place(key: str) -> bool:
+    """True where a key of a posture is of positions, angles or quaternions."""
+    return bool(re.search(r"^(joints|object|base|grasp)\b|\.(skeleton|quaternions|grasp)\b", key))
 
 
 def _counts(by_arm: Mapping[str, Sized]) -> list[tuple[str, int]]:

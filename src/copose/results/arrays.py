@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     import xarray
 
     from copose.results.motion import Knot, Motion
-    from copose.results.solution import Posture, Solution
+    from copose.results.posture import Posture
+    from copose.results.solution import Solution
 
 
 def q_names(answer: Solution | Motion) -> tuple[str, ...]:
@@ -52,7 +53,7 @@ def solution_dataset(solution: Solution) -> xarray.Dataset:
 
 
 def motion_dataset(motion: Motion) -> xarray.Dataset:
-    """What a motion's knots say, by time and by time and joint; NaN where they say nothing."""
+    """Numbers of a motion's knots, by time and by time and joint; NaN where there are none."""
     by_joint = ("time", "joint")
     knots: tuple[Knot, ...] = motion.knots or ()
     none = np.full(len(q_names(motion)), np.nan)
@@ -69,7 +70,7 @@ def motion_dataset(motion: Motion) -> xarray.Dataset:
 
 
 def positions(motion: Motion) -> Array:
-    """Of all knots, (K, N).
+    """Joint positions of all knots, (K, N).
 
     Raises:
         InputError: nothing moves.

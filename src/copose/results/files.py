@@ -19,7 +19,6 @@ from copose.results.agreement import disagreements
 from copose.results.motion import Motion
 from copose.results.solution import Solution
 
-_MOST_BYTES = 200_000_000
 # The end of a file's name until it is whole.
 _UNFINISHED = ".copose-unfinished"
 _Result = TypeVar("_Result", Solution, Motion)
@@ -48,14 +47,14 @@ def read_motion(path: str | Path) -> Motion:
     return _read(path, Motion)
 
 
-def read_result(path: str | Path) -> Solution | Motion:
+def read_result(path: str | Path, most_bytes: int = 200_000_000) -> Solution | Motion:
     """Read a ``result.json`` of either kind.
 
     Raises:
         InputError: it cannot be read or is no result.
     """
     file = Path(path)
-    text = read_text(file, _MOST_BYTES)
+    text = read_text(file, most_bytes)
     try:
         data = from_json(text)
     except ValueError as error:
@@ -64,9 +63,9 @@ def read_result(path: str | Path) -> Solution | Motion:
     return _parsed(text, file, Motion) if moves else _parsed(text, file, Solution)
 
 
-def _read(path: str | Path, model: type[_Result]) -> _Result:
+def _read(path: str | Path, model: type[_Result], most_bytes: int = 200_000_000) -> _Result:
     file = Path(path)
-    return _parsed(read_text(file, _MOST_BYTES), file, model)
+    return _parsed(read_text(file, most_bytes), file, model)
 
 
 def _parsed(text: str, file: Path, model: type[_Result]) -> _Result:

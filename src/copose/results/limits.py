@@ -1,4 +1,4 @@
-"""What a result says of torque limits."""
+"""Records of what torque limits allow."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class WrenchRecord(Record):
 
 
 class AccelerationRecord(Record):
-    """How far the object can be accelerated along a direction, all other accelerations zero.
+    """Largest acceleration of the object along a direction, all other accelerations zero.
 
     Attributes:
         direction: unit, over all coordinates of the task.

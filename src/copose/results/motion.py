@@ -1,4 +1,4 @@
-"""What is answered of a path: a joint motion as frozen data, the same as in `result.json`."""
+"""Motions: the result of a path as frozen data, the same as in `result.json`."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Literal
 from copose.display import Displayed
 from copose.poses import Array
 from copose.results import arrays
+from copose.results.posture import Posture
 from copose.results.records import Finite, Record, Vector
 from copose.results.solution import (
     JointRecord,
     ObjectiveRecord,
-    Posture,
     ProblemRecord,
     Timing,
 )

@@ -74,7 +74,7 @@ class CompanionRecord(EllipsoidRecord):
 
     @classmethod
     def of_directions(cls, ellipsoid: Ellipsoid | None, directions: Array) -> CompanionRecord:
-        """With the values along some directions, (k, a)."""
+        """The record of an ellipsoid with its radii along some directions, (k, a)."""
         along = None if ellipsoid is None else [ellipsoid.radius(u) for u in directions]
         numbers = EllipsoidRecord.of(ellipsoid).model_dump()
         return cls(**numbers, along=None if along is None else tuple(along))

@@ -37,7 +37,7 @@ class ArmStart:
 
     @property
     def tip(self) -> Pose:
-        """T_world_tip."""
+        """The pose of the tip in the world, T_world_tip."""
         return self.frames[-1]
 
     @property

@@ -139,9 +139,9 @@ def _check(
     if {arm.name: arm.joint_names for arm in arms} != result.joint_names:
         raise InputError("has other arms or joints than the result", file=problem.source)
     for arm in arms:
-        here = np.array([f.position for f in arm.frames(posture.joints[arm.name])])
-        there = np.array(posture.arms[arm.name].skeleton)
-        if here.shape != there.shape or not np.allclose(_steps(here), _steps(there), 0, same):
+        own = np.array([f.position for f in arm.frames(posture.joints[arm.name])])
+        stated = np.array(posture.arms[arm.name].skeleton)
+        if own.shape != stated.shape or not np.allclose(_steps(own), _steps(stated), 0, same):
             raise InputError(
                 f"has arm {arm.name!r} stand otherwise than the result; give the problem as it "
                 "was solved, with what --set changed",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from copose.poses import Pose
 from copose.results import PlanarPlace, Posture
-from copose.results.solution import SpatialFrame
+from copose.results.posture import SpatialFrame
 
 
 def object_pose(posture: Posture) -> Pose:

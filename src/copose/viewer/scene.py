@@ -74,7 +74,9 @@ class CellScene:
         self._exact = ExactSets(scene, limits=problem.ellipsoid.torque_scaling == "limits")
         self.aims = DirectionArrows(scene, problem)
         self.aims.point(problem.objective.pointed)
-        self.obstacles = {each.name: add_obstacle(scene, each) for each in problem.obstacles}
+        self.obstacles = {
+            obstacle.name: add_obstacle(scene, obstacle) for obstacle in problem.obstacles
+        }
         self._hands = Hands(scene, arms, rigid=problem.space.rigid)
         self._world = scene.add_frame(node("world"))
         self._ghost: Robots | None = None

@@ -56,7 +56,7 @@ class HullQueries:
         self._hit = _Query(model, surfaces, pairs, clearance, options.tolerance)
 
     def verdict(self, x: Array) -> bool | None:
-        """Whether a configuration, (size,), is clear; None where hulls are too near and surfaces
+        """True where a configuration, (size,), is clear; None where hulls are too near and surfaces
         are apart: then one body may still enclose the other.
         """
         if not self._near.any(x):

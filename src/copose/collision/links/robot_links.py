@@ -78,7 +78,7 @@ class _Team:
         )
 
     def places(self, links: Collection[str]) -> dict[str, tuple[str, Carrier, Pose]]:
-        """Of some links the arm's name, the carrier and the pose in the carrier's frame; static
+        """The arm's name, the carrier and the pose in the carrier's frame of some links; static
         links are in the root frame of the robot's first arm.
 
         Raises:
@@ -231,8 +231,8 @@ def _unreadable(team: _Team, shapes: LinkShapes) -> InputError:
     faults = [f"link {link!r}: {why}" for link, why in shapes.faults.items()]
     if shapes.missing:
         # With a package all its links are missing: where it was sought tells more than their names.
-        more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
-        faults = [f"{faults[0]}{more}; {shapes.missing[0]}"]
+        others = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
+        faults = [f"{faults[0]}{others}; {shapes.missing[0]}"]
     return InputError(
         f"collision needs shapes of {team.tree.file.name} that cannot be read: {together(faults)}",
         key=f"{arm_key(first.number, first.arm.name)}.{first.kind}",

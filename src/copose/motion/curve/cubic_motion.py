@@ -107,8 +107,8 @@ class CubicMotion:
         return np.array([self._distance(row, k) for row, k in both])
 
     def spans(self, first: Indices, second: Indices, parts: Indices, normals: Array) -> Array:
-        """How far apart hulls are at the least at two instants along a direction that goes with the
-        frame in which they move, given at the first, (m, 3); m, (m,).
+        """Lower bounds on the distance of hulls at two instants, m, (m,), along directions given at
+        the first, (m, 3), that go with the frame in which the hulls are looked at.
         """
         spans = np.empty(len(parts))
         for k in np.unique(parts).tolist():

@@ -69,7 +69,7 @@ class NodeValues:
         return limited
 
     def _held(self, capacity: CellDynamics) -> list[tuple[Dynamics, Demand]]:
-        """By layer, the equations of motion of each arm's postures and what holds the object."""
+        """Equations of motion of the arms' postures and the demand of the hold, by layer."""
         layers = []
         for k, setting in enumerate(self._course.settings):
             holding = capacity.holding(setting.cell)

@@ -15,7 +15,7 @@ import numpy as np
 from copose.motion.path.knots import Course
 from copose.poses import Array, Indices, Mask
 from copose.posture.model import PostureModel
-from copose.posture.search.global_search import EFFORTS
+from copose.posture.search.effort import EFFORTS
 from copose.selection import far_apart_rows
 from copose.self_motion.projection import CLOSED, project
 from copose.self_motion.sampling import ArmSampler

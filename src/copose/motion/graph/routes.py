@@ -157,8 +157,8 @@ class RouteFinder:
         return self.lattice is not None and not any(r.spare for r in self._roadmaps)
 
     def every(self, most: int) -> list[Route]:
-        """All routes, best first, of arms without a degree of freedom to spare; none of other arms,
-        and where there would be more.
+        """Every route, best first, of arms without a degree of freedom to spare; none of other
+        arms, or where there would be more than ``most``.
         """
         if any(roadmap.spare for roadmap in self._roadmaps):
             return []

@@ -27,46 +27,50 @@ class Evaluated(ca.Callback):
         self.construct(name, {})
 
     def get_n_in(self) -> int:
-        """Asked by CasADi."""
+        """The number of inputs, for CasADi."""
         return len(self._inputs)
 
     def get_n_out(self) -> int:
-        """Asked by CasADi."""
+        """The number of outputs, for CasADi."""
         return len(self._outputs)
 
     def get_name_in(self, i: int) -> str:
-        """Asked by CasADi."""
+        """The name of an input, for CasADi."""
         return self._inputs[i][0]
 
     def get_name_out(self, i: int) -> str:
-        """Asked by CasADi."""
+        """The name of an output, for CasADi."""
         return self._outputs[i][0]
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        """Asked by CasADi."""
+        """The sparsity of an input, for CasADi."""
         return ca.Sparsity.dense(self._inputs[i][1])
 
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
-        """Asked by CasADi."""
+        """The sparsity of an output, for CasADi."""
         return self._outputs[i][1]
 
     def has_eval_buffer(self) -> bool:
-        """Asked by CasADi: whether numbers are passed where they are."""
+        """True: numbers are passed where they are, for CasADi."""
         return True
 
     def eval_buffer(
-        self, given: Sequence[memoryview | None], wanted: Sequence[memoryview | None]
+        self, arguments: Sequence[memoryview | None], results: Sequence[memoryview | None]
     ) -> int:
-        """Asked by CasADi, None for what is zero or not wanted; zeros where the call has to end,
-        for the solver to come to that soon.
+        """Evaluation for CasADi, into its own memory; zeros where the call has to end, for the
+        solver to come to that soon.
+
+        Args:
+            arguments: None where one is zero.
+            results: None where one is not asked for.
         """
-        values: Sequence[Array | float] = [0.0] * len(wanted)
+        values: Sequence[Array | float] = [0.0] * len(results)
         if not over():
             values = self._evaluate(*(
-                np.zeros(size) if each is None else np.frombuffer(each).copy()
-                for each, (_, size) in zip(given, self._inputs, strict=True)
+                np.zeros(size) if numbers is None else np.frombuffer(numbers).copy()
+                for numbers, (_, size) in zip(arguments, self._inputs, strict=True)
             ))  # fmt: skip
-        for each, value in zip(wanted, values, strict=True):
-            if each is not None:
-                np.frombuffer(each)[:] = np.ravel(value)
+        for numbers, value in zip(results, values, strict=True):
+            if numbers is not None:
+                np.frombuffer(numbers)[:] = np.ravel(value)
         return 0

@@ -21,7 +21,7 @@ from copose.poses import Array, Indices
 
 
 class MotionKind(Enum):
-    """What a program of a motion optimises, and which limits it has."""
+    """Kinds of programs of a motion: by what is optimised, within which limits."""
 
     BEST = "best"
     """The objective as it is."""
@@ -199,8 +199,8 @@ def _shared(kind: MotionKind, *, worst: bool) -> str | None:
 def _on_shared(
     name: str, shared: ca.SX, value: ca.SX, constraints: list[Constraint], options: KnotOptions
 ) -> list[Constraint]:
-    """All constraints with those on the shared variable: a level below the objective's value, or a
-    share that torque and acceleration limits are multiplied by.
+    """Constraints with those on the shared variable: a level below the objective's value, or a
+    share by which torque and acceleration limits are multiplied.
     """
     unbounded = np.full(1, np.inf)
     if name == "level":

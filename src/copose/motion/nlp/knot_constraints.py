@@ -79,7 +79,7 @@ def _within_limits(what: str, share: ca.SX) -> Constraint:
 
 
 def spared(constraint: Constraint, share: ca.SX) -> Constraint:
-    """The same constraint, with limits of torques and accelerations multiplied by a variable."""
+    """A constraint with limits of torques and accelerations multiplied by a variable."""
     if not constraint.name.endswith(", over their limits"):
         return constraint
     size = constraint.expression.numel()
@@ -94,7 +94,7 @@ def spared(constraint: Constraint, share: ca.SX) -> Constraint:
 
 
 def independent(cell: Cell, constraint: Constraint) -> Constraint:
-    """The same constraint; of a balance of wrenches without rows that follow from the others.
+    """A constraint whose rows are independent: a balance of wrenches without those that follow.
 
     What contacts cannot do anything about must balance by itself: `Torques.least` sees to that.
     """

@@ -15,7 +15,7 @@ from copose.poses import Array, Indices
 
 
 class MotionFunctions:
-    """What IPOPT asks of a motion's program at x, the variables y of all knots one after the other.
+    """Functions of a motion's program at x, the variables y of all knots one after the other.
 
     Rows are the knots' constraints, the linear rows and those on clearance, in this order.
 

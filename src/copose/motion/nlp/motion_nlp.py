@@ -123,30 +123,30 @@ class MotionProgram:
     """The program of one kind over all knots of a motion, for certain inputs."""
 
     def __init__(
-        self, task: KnotNlp, given: Task, options: MotionProgramOptions = MotionProgramOptions()
+        self, task: KnotNlp, inputs: Task, options: MotionProgramOptions = MotionProgramOptions()
     ) -> None:
         """Lay out the program.
 
         Args:
             task: the program at a knot.
-            given: what it is solved for.
+            inputs: what it is solved for.
             options: of the program and of IPOPT.
         """
-        self._task, self._given, self._options = task, given, options
-        self._count, self._size, self._joints = len(given.parameters), task.size, task.joints
-        smoothing = given.smoothness / given.duration**2
+        self._task, self._inputs, self._options = task, inputs, options
+        self._count, self._size, self._joints = len(inputs.parameters), task.size, task.joints
+        smoothing = inputs.smoothness / inputs.duration**2
         if task.kind in (MotionKind.SHORTEST, MotionKind.SPARING):
             # Joints are to have one way to go.
             smoothing = options.smoothing
         self._linear = motion_rows(
-            task, self._count, given.speeds, given.duration, returns=given.returns
+            task, self._count, inputs.speeds, inputs.duration, returns=inputs.returns
         )
         # S is the mean of (Δq/Δt)² over the intervals and the joints.
         self._functions = MotionFunctions(
-            task, given.parameters, self._linear, given.clearance,
+            task, inputs.parameters, self._linear, inputs.clearance,
             smoothing * (self._count - 1) / self._joints,
         )  # fmt: skip
-        self._spaced = 0 if given.clearance is None else len(given.clearance)
+        self._spaced = 0 if inputs.clearance is None else len(inputs.clearance)
 
     def solve(self, start: Array) -> OptimisedMotion:
         """One run of IPOPT.
@@ -154,13 +154,13 @@ class MotionProgram:
         Args:
             start: of the variables of every knot, (n, ny).
         """
-        given, slices = self._given, self._task.slices
+        inputs, slices = self._inputs, self._task.slices
         lower, upper = self._variable_bounds()
         low, high = self._row_bounds()
         known = {}
-        if given.beside is not None:
-            multipliers = np.concatenate([given.beside.constraints, np.zeros(self._spaced)])
-            known = {"lam_x0": given.beside.bounds, "lam_g0": multipliers}
+        if inputs.beside is not None:
+            multipliers = np.concatenate([inputs.beside.constraints, np.zeros(self._spaced)])
+            known = {"lam_x0": inputs.beside.bounds, "lam_g0": multipliers}
         nlp = self._solver()
         answer = nlp(
             x0=start.ravel(), lbx=lower.ravel(), ubx=upper.ravel(), lbg=low, ubg=high, **known
@@ -173,8 +173,8 @@ class MotionProgram:
         shared = {name: float(y[0, slices[name].start]) for name in ("stretch", "share")
                   if name in slices}  # fmt: skip
         return OptimisedMotion(
-            q=np.clip(y[:, : self._joints], given.lower, given.upper),
-            duration=given.duration * shared.get("stretch", 1.0),
+            q=np.clip(y[:, : self._joints], inputs.lower, inputs.upper),
+            duration=inputs.duration * shared.get("stretch", 1.0),
             converged=status == "Solve_Succeeded",
             status=status,
             violated=(*self._name(worst), float(excess[worst])),
@@ -186,16 +186,16 @@ class MotionProgram:
 
     def _variable_bounds(self) -> tuple[Array, Array]:
         """Bounds of the variables of every knot, (n, ny) each."""
-        given, slices = self._given, self._task.slices
+        inputs, slices = self._inputs, self._task.slices
         lower = np.full((self._count, self._size), -np.inf)
         upper = np.full((self._count, self._size), np.inf)
-        lower[:, : self._joints], upper[:, : self._joints] = given.lower, given.upper
+        lower[:, : self._joints], upper[:, : self._joints] = inputs.lower, inputs.upper
         if "stretch" in slices:
             # Accelerations do not tell time from its opposite.
             lower[:, slices["stretch"]] = self._options.least_stretch
         if "hold" in slices:
-            lower[~given.held, slices["hold"]] = 0.0
-            upper[~given.held, slices["hold"]] = 0.0
+            lower[~inputs.held, slices["hold"]] = 0.0
+            upper[~inputs.held, slices["hold"]] = 0.0
         return lower, upper
 
     def _row_bounds(self) -> tuple[Array, Array]:
@@ -203,20 +203,20 @@ class MotionProgram:
         low, high = self._task.bounds
         lows, highs = (np.tile(bound, (self._count, 1)) for bound in (low, high))
         # Where every joint of an arm is given its closure is no equation for anything.
-        fixed = self._given.lower == self._given.upper
+        fixed = self._inputs.lower == self._inputs.upper
         first = 0
         for constraint in self._task.constraints:
             rows = slice(first, first + constraint.expression.numel())
             first = rows.stop
             if constraint.name in self._task.holding:
-                lows[~self._given.held, rows], highs[~self._given.held, rows] = -np.inf, np.inf
+                lows[~self._inputs.held, rows], highs[~self._inputs.held, rows] = -np.inf, np.inf
             columns = self._task.moved_by.get(constraint.name)
             if columns is not None:
-                given = fixed[:, columns].all(axis=1)
-                lows[given, rows], highs[given, rows] = -np.inf, np.inf
-        if self._given.tightened is not None:
-            lows *= self._given.tightened
-            highs *= self._given.tightened
+                known = fixed[:, columns].all(axis=1)
+                lows[known, rows], highs[known, rows] = -np.inf, np.inf
+        if self._inputs.tightened is not None:
+            lows *= self._inputs.tightened
+            highs *= self._inputs.tightened
         return (
             np.concatenate([lows.ravel(), self._linear.lower, np.zeros(self._spaced)]),
             np.concatenate([highs.ravel(), self._linear.upper, np.full(self._spaced, np.inf)]),
@@ -229,8 +229,8 @@ class MotionProgram:
             row -= own * self._count
             if row < len(self._linear.names):
                 return self._linear.names[row]
-            assert self._given.clearance is not None
-            return "clearance", int(self._given.clearance.knots[row - len(self._linear.names)])
+            assert self._inputs.clearance is not None
+            return "clearance", int(self._inputs.clearance.knots[row - len(self._linear.names)])
         k, row = divmod(row, own)
         for constraint in self._task.constraints:
             if row < constraint.expression.numel():
@@ -239,7 +239,7 @@ class MotionProgram:
         return "", k
 
     def _solver(self) -> Ipopt:
-        functions, given, dense = self._functions, self._given, ca.Sparsity.dense
+        functions, inputs, dense = self._functions, self._inputs, ca.Sparsity.dense
         width, height = self._size * self._count, functions.height
         x, p, lam = ("x", width), ("p", 0), ("lam_g", height)
         f, g = ("f", dense(1)), ("g", dense(height))
@@ -258,6 +258,6 @@ class MotionProgram:
             ),
         }  # fmt: skip
         self._oracle = Evaluated("nlp", [x, p], [f, g], functions.values)
-        options = self._options.ipopt(near=given.near, warm=given.beside is not None)
-        options |= {"ipopt.max_iter": given.iterations, **self._callbacks}
+        options = self._options.ipopt(near=inputs.near, warm=inputs.beside is not None)
+        options |= {"ipopt.max_iter": inputs.iterations, **self._callbacks}
         return Ipopt("motion", self._oracle, (width, 0, height), options)

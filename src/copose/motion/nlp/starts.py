@@ -38,7 +38,7 @@ def started(
     slack: float,
     options: StartOptions = StartOptions(),
 ) -> Array:
-    """All variables of every knot of a closed motion, (n, ny); not finite where one has no start.
+    """Start values of all variables of a closed motion, (n, ny); not finite where there are none.
 
     Args:
         model: what is built.

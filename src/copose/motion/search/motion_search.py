@@ -20,7 +20,7 @@ from copose.motion.search.refinement import CheckedMotion, Refiner
 from copose.motion.search.result import Answer
 from copose.poses import Array
 from copose.posture.model import PostureModel
-from copose.posture.run.run import Run
+from copose.posture.run.acceptance import Acceptance
 from copose.posture.search.clear_samples import alone_clear
 from copose.problem import PathSpec
 from copose.progress import StoppedError, attained, sheltered, stage
@@ -203,10 +203,10 @@ class MotionSearch:
         cell = self.model.cell
         first = np.full(sum(arm.n for arm in cell.arms), np.nan)
         setting = self.finisher.course(2).settings[0]
-        run = Run(self.model, setting, self.seed, 0.0, 0.0)
+        acceptance = Acceptance(self.model, setting)
         for i, (arm, part) in enumerate(zip(cell.arms, cell.system.split(first), strict=True)):
             if arm.start is not None:
-                q, notes = run.start(i)
+                q, notes = acceptance.start(i)
                 if q is None:
                     return not_started(self.model, setting, i)
                 self.answer.notes += notes

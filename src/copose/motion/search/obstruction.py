@@ -16,7 +16,7 @@ from copose.motion.nlp.motion_nlp import OptimisedMotion
 from copose.motion.path.knots import Course
 from copose.poses import Array
 from copose.posture.model import PostureModel
-from copose.posture.search.global_search import EFFORTS
+from copose.posture.search.effort import EFFORTS
 from copose.posture.search.heaviest import times
 from copose.posture.setting import Setting
 from copose.progress import StoppedError

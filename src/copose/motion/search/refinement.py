@@ -176,7 +176,9 @@ class Refiner:
         if same:
             return True
         postures = zip(course.settings, motion.q, strict=True)
-        return not self.model.static and all(self.model.clear(s, q[None])[0] for s, q in postures)
+        return not self.model.feasibility.judged and all(
+            self.model.clear(s, q[None])[0] for s, q in postures
+        )
 
     def _seen(self, course: Course, motion: OptimisedMotion) -> CheckedMotion:
         """A motion closed at every knot and checked between them."""

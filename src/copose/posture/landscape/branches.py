@@ -11,7 +11,7 @@ from copose.errors import InputError, arm_key
 from copose.poses import Array
 from copose.posture.model import PostureModel
 from copose.posture.reachable.components import rails_of
-from copose.posture.search.global_search import EFFORTS
+from copose.posture.search.effort import EFFORTS
 from copose.posture.setting import Setting
 from copose.self_motion.curves.arc_length import Track
 from copose.self_motion.curves.curve import Curve, TracingOptions

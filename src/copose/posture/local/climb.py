@@ -1,14 +1,14 @@
-"""Local optima from many starts: Newton steps, IPOPT, and which ends are the same."""
+"""Local searches from many starts: Newton steps, IPOPT, and the distinct optima they end in."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from copose.cell.cell import Cell
-from copose.poses import Array, Mask
+from copose.poses import Array, Indices, Mask
 from copose.posture.local.nlp_cuts import NlpCuts
 from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum
@@ -16,39 +16,71 @@ from copose.posture.setting import Setting
 from copose.posture.solvers.newton import Polished
 from copose.posture.solvers.nlp import LocalSolve
 from copose.progress import attained, stage
-from copose.selection import far_apart
+from copose.selection import far_apart_rows
 
-SAME_OBJECTIVE = 1e-6
-_SAME_JOINTS = 1e-3
-# Optima that differ by less are of equal worth; symmetric cells have some.
-_TIE = 1e-8
-# Ends that did not converge matter where they come near the best.
-_NEAR_BEST = 1e-2
-# IPOPT goes on with one climb that bodies stop for so many starts, the best starts first.
-_STOPPED = 6
-# And with so many at least.
-_FEWEST = 4
-_KINKED = 10
-# Starts that are polished at a time, and how many times the largest gain so far the next may hope
-# for.
-_AT_ONCE, _HOPE = 8, 10.0
-# Where each takes a program by itself: at first, for gains differ more there, and then.
-_FIRST, _FEW_AT_ONCE = 12, 4
+
+@dataclass(frozen=True)
+class SameOptimum:
+    """Tolerances within which ends of local searches are one optimum."""
+
+    objective: float = 1e-6
+    joints: float = 1e-3  # rad or m
+    tie: float = 1e-8  # relative: optima that differ by less are of equal worth, as symmetry makes
+
+
+@dataclass(frozen=True)
+class ClimbOptions:
+    """Options of local searches."""
+
+    batch: int = 8  # starts that Newton steps climb from at a time
+    first_batch: int = 12  # the same where each start takes a program: at first, as gains differ
+    later_batch: int = 4  # and then
+    hope: float = 10.0  # times the largest gain so far that the next start may gain
+    finished: int = 10  # ends of Newton steps that IPOPT goes on from, at most
+    near_best: float = 1e-2  # of the best objective, within which such an end matters
+    stopped_share: int = 6  # one of so many starts that bodies stop is climbed from by IPOPT
+    fewest_stopped: int = 4  # of them that are, at least
+    same: SameOptimum = SameOptimum()
 
 
 class LocalSearches:
-    """What polishing has come to so far.
+    """Local searches so far: Newton steps along the self-motions first, then IPOPT.
 
-    Newton steps along the self-motions come first. IPOPT solves the posture program where they do
-    not meet its tolerance, and where the objective has kinks.
+    IPOPT solves the posture program where Newton steps do not meet its tolerance, and where the
+    objective has kinks.
+
+    Attributes:
+        model: what is built.
+        setting: where the object is.
+        options: how starts are batched and ends compared.
+        starts: how many were climbed from.
+        ends: where climbs ended.
+        failures: programs that ended nowhere.
     """
 
-    def __init__(self, model: PostureModel, setting: Setting, most: int = _KINKED) -> None:
-        """Nothing polished yet; of what Newton steps leave so many are finished by IPOPT."""
-        self._most, self._stopped = min(most, _KINKED), max(_FEWEST, most // _STOPPED)
-        self.model, self.setting = model, setting
+    def __init__(
+        self,
+        model: PostureModel,
+        setting: Setting,
+        most: int | None = None,
+        options: ClimbOptions = ClimbOptions(),
+        known: Sequence[LocalOptimum] = (),
+    ) -> None:
+        """Begin with nothing but what is known.
+
+        Args:
+            model: what is built.
+            setting: where the object is.
+            most: starts that are climbed from, which says how many ends IPOPT may go on from.
+            options: how starts are batched and ends compared.
+            known: optima of another search that count among the ends.
+        """
+        most = options.finished if most is None else most
+        self._finished = min(most, options.finished)
+        self._stopped = max(options.fewest_stopped, most // options.stopped_share)
+        self.model, self.setting, self.options = model, setting, options
         self.starts = 0
-        self.ends: list[LocalOptimum] = []
+        self.ends = list(known)
         self.failures: list[LocalSolve] = []
 
     @property
@@ -59,25 +91,27 @@ class LocalSearches:
     def keep(self, q: Array, value: float) -> None:
         """Count a posture, (N,), among the ends."""
         self.ends.append(LocalOptimum(q, float(value), 1))
-        # What pays no heed to bodies that have to keep apart is no answer.
+        # A search that leaves out bodies which have to keep apart has no answer yet.
         if self.model.bodies is None or self.setting.bodies is not None:
             attained(float(value))
 
     @property
     def known(self) -> Array:
-        """Where polishing has ended, (count, N)."""
+        """Postures in which climbs ended, (count, N)."""
         return np.array([end.q for end in self.ends])
 
     def postures(self, most: int) -> list[Array]:
-        """By arm, where the best ends of polishing are, without repetition."""
+        """Postures of the best ends by arm, (count_i, n_i), without repetition."""
         cell = self.setting.cell
-        optima = np.array([optimum.q for optimum in gathered(cell, self.ends)[:most]])
-        parts = cell.system.split(optima) if len(optima) else []
+        best = gathered(cell, self.ends, self.options.same)[:most]
+        optima = np.array([optimum.q for optimum in best])
+        parts = [part.T for part in cell.system.split(optima.T)] if len(optima) else []
         return [np.unique(part.round(9), axis=0) for part in parts]
 
     def responses(self, i: int, closed: Array, most: int) -> Array:
-        """Local optima of arm i alone beside the others' postures of the best end, (count, n_i);
-        where no Newton step climbs, its best postures there.
+        """Local optima of arm i alone while the others are as in the best end, (count, n_i).
+
+        Where no Newton step climbs they are its best postures there.
 
         Args:
             i: the arm.
@@ -100,28 +134,33 @@ class LocalSearches:
         return np.asarray(ends.q[ends.converged])
 
     def unknown(self, starts: Array) -> Array:
-        """Those of the starts that are no end."""
-        ends = self.known
-        cell = self.setting.cell
-        new = [np.all(cell.distances(ends, q) > _SAME_JOINTS) for q in starts]
+        """Starts, of (count, N), in which no climb has ended."""
+        ends, cell, least = self.known, self.setting.cell, self.options.same.joints
+        new = [np.all(cell.distances(ends, q) > least) for q in starts]
         return np.asarray(starts[np.array(new, dtype=bool)])
 
     def add_promising(self, starts: Array, scores: Array) -> None:
-        """Polish starts, best first, until the next would have to gain far more than any has."""
+        """Climb from starts, best first, until the next would have to gain far more than any has.
+
+        Args:
+            starts: closed postures, (count, N).
+            scores: their scores, (count,).
+        """
+        options, newton = self.options, self.model.newton
         gained, best = 0.0, -np.inf
-        first, together = 0, _AT_ONCE if self.model.newton else _FIRST
+        first, together = 0, options.batch if newton else options.first_batch
         while first < len(starts):
             rows = slice(first, first + together)
-            if not self.model.dear and scores[first] + _HOPE * gained < best:
+            if not self.model.dear and scores[first] + options.hope * gained < best:
                 break
             ends = self.add(starts[rows])
             best = max(best, ends.max(initial=-np.inf))
             gained = max(gained, (ends - scores[rows]).max(initial=0.0))
             first = rows.stop
-            together = _AT_ONCE if self.model.newton else _FEW_AT_ONCE
+            together = options.batch if newton else options.later_batch
 
     def add(self, starts: Array) -> Array:
-        """Polish closed postures, (count, N); the scores where they end, (count,)."""
+        """Climb from closed postures, (count, N); the scores where they end, (count,)."""
         model, setting = self.model, self.setting
         if len(starts) == 0:
             return np.zeros(0)
@@ -135,7 +174,7 @@ class LocalSearches:
         values = model.objectives(setting, ends.q)
         for q, value in zip(ends.q[solved], values[solved], strict=True):
             self.keep(q, value)
-        left = _left(setting.cell, ends, solved | ~held, model.smooth, self._most)
+        left = self._left(ends, solved | ~held)
         # Where torque limits or bodies end a climb IPOPT climbs with them, from a start that keeps
         # them; but where not even the climb without them came up to the best, it is no use.
         stopped = np.flatnonzero(~held)
@@ -155,6 +194,17 @@ class LocalSearches:
             self.failures += [LocalSolve(starts[0], False, "Stalled_Far_Below_Best", {})] * stalled
         self._solve(left)
         return np.where(ends.converged, ends.value, -np.inf)
+
+    def _left(self, ends: Polished, settled: Mask) -> Array:
+        """Ends that are not settled and that IPOPT has to go on from, (count, N)."""
+        order = np.argsort(-ends.value, kind="stable")
+        order = order[~settled[order] & np.isfinite(ends.value[order])]
+        if self.model.smooth:
+            best = ends.value[settled].max(initial=-np.inf)
+            near = order[ends.value[order] > best - self.options.near_best]
+            return np.asarray(ends.q[near[: self._finished]])
+        q, least = ends.q[order], self.options.same.joints
+        return np.asarray(q[differing(self.setting.cell, q, least, self._finished)])
 
     def _solve(self, q: Array) -> Array:
         """Go on from postures, (count, N), by IPOPT.
@@ -176,51 +226,59 @@ class LocalSearches:
         return np.where(good, values, -np.inf)
 
 
-def _left(cell: Cell, ends: Polished, solved: Mask, smooth: bool, most: int) -> Array:
-    """Ends that IPOPT has to go on from, (count, N)."""
-    order = np.argsort(-ends.value, kind="stable")
-    order = order[~solved[order] & np.isfinite(ends.value[order])]
-    if smooth:
-        best = ends.value[solved].max(initial=-np.inf)
-        near = order[ends.value[order] > best - _NEAR_BEST]
-        return np.asarray(ends.q[near[:most]])
+def differing(
+    cell: Cell, q: Array, least: float, most: int, known: Array | None = None
+) -> list[int]:
+    """Indices of postures, (count, N), that differ from all chosen before and from those known.
 
-    def far(q: Array, taken: Sequence[Array]) -> bool:
-        return bool(np.all(cell.distances(np.array(taken), q) > _SAME_JOINTS))
+    Args:
+        cell: the arms.
+        q: postures; the first is chosen first.
+        least: rad or m, by which some joint has to differ.
+        most: indices at most.
+        known: postures, (known, N), that are not chosen again.
+    """
 
-    return np.array(far_apart(ends.q[order], far, most)).reshape(-1, ends.q.shape[1])
+    def near(posture: Array, free: Mask) -> Indices:
+        left = np.flatnonzero(free)
+        return left[~(cell.distances(q[left], posture) > least)]
+
+    free = np.ones(len(q), dtype=bool)
+    for posture in () if known is None else known:
+        free[near(posture, free)] = False
+    return far_apart_rows(free, lambda row, left: near(q[row], left), most)
 
 
-def gathered(cell: Cell, ending: Sequence[LocalOptimum]) -> list[LocalOptimum]:
+def gathered(cell: Cell, ends: Sequence[LocalOptimum], same: SameOptimum) -> list[LocalOptimum]:
     """Distinct optima, best first, with how many ended in each."""
     optima: list[LocalOptimum] = []
-    for end in sorted(ending, key=lambda optimum: -optimum.objective):
+    for end in sorted(ends, key=lambda optimum: -optimum.objective):
         q = np.concatenate(
             [cell.folded(i, part) for i, part in enumerate(cell.system.split(end.q))]
         )
         # Best first: those of the same objective stand last.
         for j in range(len(optima) - 1, -1, -1):
             known = optima[j]
-            if known.objective - end.objective >= SAME_OBJECTIVE:
+            if known.objective - end.objective >= same.objective:
                 optima.append(LocalOptimum(q, end.objective, 1))
                 break
-            if cell.distances(known.q[None], q)[0] < _SAME_JOINTS:
+            if cell.distances(known.q[None], q)[0] < same.joints:
                 optima[j] = replace(known, count=known.count + 1)
                 break
         else:
             optima.append(LocalOptimum(q, end.objective, 1))
-    return _tie_broken(optima)
+    return _tie_broken(optima, same)
 
 
-def _tie_broken(optima: list[LocalOptimum]) -> list[LocalOptimum]:
-    """With the first of the best in the order of joints first, so that no seed decides."""
+def _tie_broken(optima: list[LocalOptimum], same: SameOptimum) -> list[LocalOptimum]:
+    """Optima with the first of the best in the order of joints first, so that no seed decides."""
     if not optima:
         return optima
     best = optima[0].objective
-    tied = [o for o in optima if o.objective >= best - _TIE * max(1.0, abs(best))]
+    tied = [o for o in optima if o.objective >= best - same.tie * max(1.0, abs(best))]
     rest = optima[len(tied) :]
     first = list(tied)
     for joint in range(len(tied[0].q)):
         least = min(o.q[joint] for o in first)
-        first = [o for o in first if o.q[joint] <= least + _SAME_JOINTS]
+        first = [o for o in first if o.q[joint] <= least + same.joints]
     return [first[0], *(o for o in tied if o is not first[0]), *rest]

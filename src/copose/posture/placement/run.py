@@ -1,7 +1,8 @@
-"""One answer in the making where more than joints is free, or where there are cases."""
+"""One call of a planner where more than joints is free, or where there are cases."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,12 +11,22 @@ from copose.cell.cell import Cell
 from copose.cell.freedom import Freedom
 from copose.cell.notes import best_so_far
 from copose.measurement.meter import Measurement
-from copose.posture.placement.search import Placed, Placements, PlacementSearch
-from copose.posture.run.run import CLOSURE_TOLERANCE, EffortName, Run
-from copose.posture.solution import Case, Placing, Status, answer
+from copose.poses import Array
+from copose.posture.placement.placed import Placed
+from copose.posture.placement.search import PlacementOutcome, PlacementSearch
+from copose.posture.run.acceptance import Acceptance
+from copose.posture.run.evidence import (
+    blocked_reason,
+    failure_records,
+    verification_record,
+    verification_seed,
+    within_limits,
+)
+from copose.posture.run.run import Run
+from copose.posture.search.effort import EFFORTS, Effort
+from copose.posture.solution import MeasuredCase, MeasuredCases, Status
 from copose.progress import StoppedError, sheltered, stage
 from copose.results import (
-    FailureRecord,
     Optimum,
     PlacementRecord,
     SampleRecord,
@@ -25,14 +36,10 @@ from copose.results import (
 )
 from copose.self_motion.misses.nearest_miss import misses
 
-_STANDS = 1e-6
-# Of what is known when a search has to end, so many are measured.
-_ASKED = 4
-
 
 @dataclass(frozen=True, eq=False)
 class PlacedRun:
-    """One answer in the making.
+    """One call of a planner that moves the object, bases or grasps too, or serves several cases.
 
     Attributes:
         run: of the cell as the file has it.
@@ -40,222 +47,227 @@ class PlacedRun:
 
     run: Run
 
-    def search(self, effort: EffortName, verify: bool) -> Solution:
-        """Search everything; the best so far where the call has to end."""
-        run = self.run
-        search = PlacementSearch(run.model, run.cell, run.seed, effort)
+    def search(self, effort: Effort, verify: bool) -> Solution:
+        """The best of everything; the best so far where the call has to end."""
+        search = self._searcher(self.run.seed, effort)
         try:
             return self._searched(search, effort, verify)
         except StoppedError as stop:
             with sheltered():
-                found = search.so_far
-                before, notes = self._before(search, found)
-                some = replace(found, optima=found.optima[:_ASKED])
-                after = self._best(search, some, before)
+                outcome = search.so_far
+                before, notes = self._before(search, outcome)
+                quick = replace(outcome, optima=outcome.optima[: effort.measured])
+                after = self._best(search, quick, before)
                 if after is None:
                     raise
                 notes += (best_so_far(stop),)
-                return self._answer(search, found, effort, before, after, notes, None)
+                return self._solution(search, outcome, effort.name, before, after, notes)
 
-    def _searched(self, search: PlacementSearch, effort: EffortName, verify: bool) -> Solution:
-        run = self.run
-        found = search.run()
-        before, notes = self._before(search, found)
-        after = self._best(search, found, before)
+    def _searcher(self, seed: int, effort: Effort) -> PlacementSearch:
+        return PlacementSearch(self.run.model, self.run.cell, seed, effort)
+
+    def _acceptance(self, search: PlacementSearch, k: int, x: Array) -> Acceptance:
+        """The checks of case k with everything moved by x, (d,)."""
+        return Acceptance(self.run.model, search.setting(k, x))
+
+    def _searched(self, search: PlacementSearch, effort: Effort, verify: bool) -> Solution:
+        """The best of everything that a search finds."""
+        outcome = search.run()
+        before, notes = self._before(search, outcome)
+        after = self._best(search, outcome, before)
         verification = None
         if verify and after is not None:
             stage("verifying")
-            seed = int(np.random.SeedSequence([run.seed, 1]).generate_state(1)[0])
-            again = PlacementSearch(run.model, run.cell, seed, "high")
-            second = again.run()
-            other = self._best(again, second, before)
-            stands = other is None or other.value <= after.value + _STANDS
-            verification = VerificationRecord(
-                seed=seed, objective=None if other is None else other.value, stands=stands
-            )
-            if not stands and other is not None:
-                after, found = other, second
+            seed = verification_seed(self.run.seed)
+            second = self._searcher(seed, EFFORTS["high"])
+            again = second.run()
+            better = self._best(second, again, before)
+            objective = None if better is None else better.value
+            verification = verification_record(seed, objective, after.value)
+            if not verification.stands:
+                after, outcome = better, again
                 notes += ("the first search missed this posture; the second found it",)
         if after is not None:
-            for k, case in enumerate(after.cases):
-                one = replace(run, setting=search.setting(k, after.placed.x[k]))
-                notes += one.overlap(case.measured)
-        return self._answer(search, found, effort, before, after, notes, verification)
+            for k, (case, x) in enumerate(zip(after.cases, after.free or (), strict=True)):
+                notes += self._acceptance(search, k, x).overlap(case.measured)
+        return self._solution(search, outcome, effort.name, before, after, notes, verification)
 
     def follow(self, start: Placed) -> Solution | None:
         """The local optimum that postures of all cases lead to; None where they do not close."""
-        run = self.run
-        search = PlacementSearch(run.model, run.cell, run.seed, "low")
-        before = self._measured(search, start)
-        if before is None:
+        search = self._searcher(self.run.seed, EFFORTS["low"])
+        closed = self._closed(search, start)
+        before = None if closed is None else self._measured(search, closed)
+        if closed is None or before is None:
             return None
-        end = search.polish(before.placed)
-        found = Placements((end,), (), (), 0, 0, 1, None, ())
-        after = self._best(search, found, before)
+        outcome = PlacementOutcome((search.polish(closed),), polished=1)
+        after = self._best(search, outcome, before)
         if after is None:
             return None
-        return self._answer(search, found, "local", before, after, (), None)
+        return self._solution(search, outcome, "local", before, after, ())
 
-    def _measured(self, search: PlacementSearch, placed: Placed) -> Placing | None:
-        """A placement as it is reported; None where a chain is open or a number is missing."""
-        cases, joints = [], []
+    def _closed(self, search: PlacementSearch, placed: Placed) -> Placed | None:
+        """A placement with its postures projected onto the closure; None where one is open."""
+        joints = []
         for k, (x, q) in enumerate(zip(placed.x, placed.q, strict=True)):
-            one = replace(self.run, setting=search.setting(k, x))
-            closed = [one.closed(i, mine) for i, mine in enumerate(one.cell.system.split(q))]
-            mine = [part for part in closed if part is not None]
-            if len(mine) < len(closed):
+            acceptance = self._acceptance(search, k, x)
+            closed = acceptance.all_closed(acceptance.cell.system.split(q))
+            if closed is None:
                 return None
-            measured = one.model.measure(one.setting, mine)
-            error = max(measured.posture.closure_error.values())
-            if measured.value is None or error > CLOSURE_TOLERANCE:
+            joints.append(np.concatenate(closed))
+        return replace(placed, q=tuple(joints))
+
+    def _measured(self, search: PlacementSearch, placed: Placed) -> MeasuredCases | None:
+        """A closed placement as it is reported; None where a chain is open or a number missing."""
+        cases = []
+        for k, (x, q) in enumerate(zip(placed.x, placed.q, strict=True)):
+            acceptance = self._acceptance(search, k, x)
+            setting = acceptance.setting
+            measured = self.run.model.measure(setting, setting.cell.system.split(q))
+            if not acceptance.sound(measured):
                 return None
-            cases.append(Case(measured, search.weights[k]))
-            joints.append(np.concatenate(mine))
-        return Placing(replace(placed, q=tuple(joints)), tuple(cases))
+            cases.append(MeasuredCase(measured, search.weights[k]))
+        return MeasuredCases(tuple(cases), placed.x)
 
     def _best(
-        self, search: PlacementSearch, found: Placements, before: Placing | None
-    ) -> Placing | None:
+        self, search: PlacementSearch, outcome: PlacementOutcome, before: MeasuredCases | None
+    ) -> MeasuredCases | None:
         """The best optimum that passes its own check, or the start where none is better."""
-        best = None
-        for optimum in found.optima:
-            placing = self._measured(search, optimum)
-            if placing is None:
-                continue
-            off = abs(placing.value - optimum.value)
-            if off <= 1e-6 * max(1.0, abs(optimum.value)) and all(
-                self.run.kept(case.measured) for case in placing.cases
-            ):
-                best = placing
-                break
+        best = next(self._accepted(search, outcome), None)
         if (
             before is not None
             and (best is None or before.value > best.value)
-            and all(self.run.allowed(case.measured) for case in before.cases)
+            and all(self.run.acceptance.allowed(case.measured) for case in before.cases)
         ):
             return before
         return best
 
-    def _before(
-        self, search: PlacementSearch, found: Placements
-    ) -> tuple[Placing | None, tuple[str, ...]]:
-        """At the file's pose, clipped into the ranges, the start or the seed's first posture."""
-        xs, problem = search.nominal, self.run.cell.problem
-        if len(found.first) < len(xs):
-            return None, ()
-        cases, joints = [], []
-        notes: list[str] = []
-        for k, each in enumerate(found.first):
-            if any(len(sample.closed) == 0 for sample in each.samples):
-                return None, ("at the file's pose no posture closes the chain",)
-            one = replace(self.run, setting=search.setting(k, xs[k]))
-            measured, more = one.before(each)
-            case = f"{problem.cases[k].name}: " if problem.cases else ""
-            notes += [case + note for note in more]
-            cases.append(Case(measured, search.weights[k]))
-            joints.append(np.concatenate([np.array(q) for q in measured.posture.joints.values()]))
-        placed = Placed(xs, tuple(joints), 0.0)
-        return Placing(placed, tuple(cases)), tuple(dict.fromkeys(notes))
+    def _accepted(
+        self, search: PlacementSearch, outcome: PlacementOutcome
+    ) -> Iterator[MeasuredCases]:
+        """Measurements of those optima that pass their own check, best first."""
+        acceptance = self.run.acceptance
+        for optimum in outcome.optima:
+            closed = self._closed(search, optimum)
+            measured = None if closed is None else self._measured(search, closed)
+            if (
+                measured is not None
+                and acceptance.confirmed(optimum.value, measured.value)
+                and all(acceptance.kept(case.measured) for case in measured.cases)
+            ):
+                yield measured
 
-    def _answer(
+    def _before(
+        self, search: PlacementSearch, outcome: PlacementOutcome
+    ) -> tuple[MeasuredCases | None, tuple[str, ...]]:
+        """The start, or the seed's first posture, at the file's pose clipped into the ranges."""
+        xs = search.nominal
+        if len(outcome.first) < len(xs):
+            return None, ()
+        cases, notes = [], list[str]()
+        for k, (first, name) in enumerate(zip(outcome.first, search.case_names, strict=True)):
+            if not first.closed:
+                return None, ("at the file's pose no posture closes the chain",)
+            measured, start_notes = self._acceptance(search, k, xs[k]).before(first.samples)
+            case = f"{name}: " if name else ""
+            notes += [case + note for note in start_notes]
+            cases.append(MeasuredCase(measured, search.weights[k]))
+        return MeasuredCases(tuple(cases), xs), tuple(dict.fromkeys(notes))
+
+    def _solution(
         self,
         search: PlacementSearch,
-        found: Placements,
+        outcome: PlacementOutcome,
         effort: str,
-        before: Placing | None,
-        after: Placing | None,
+        before: MeasuredCases | None,
+        after: MeasuredCases | None,
         notes: tuple[str, ...],
-        verification: VerificationRecord | None,
+        verification: VerificationRecord | None = None,
     ) -> Solution:
-        run = self.run
+        """The result of a search, with a reason where there is no answer."""
         value = None if after is None else after.value
         status: Status = "solved"
         reason, miss = None, None
         if after is None:
-            status, reason, miss = self._why(search, found)
-        return answer(
-            run.cell,
-            run.model.objective,
+            status, reason, miss = self._why(search, outcome)
+        return self.run.solution(
             status=status,
+            search=_search_record(
+                self.run.cell, outcome, self.run.seed, effort, value, verification
+            ),
             reason=reason,
             notes=notes,
             before=before,
             after=after,
             miss=miss,
-            search=_record(run.cell, found, run.seed, effort, value, verification),
-            timing=run.timing,
-            links=run.model.links,
         )
 
     def _why(
-        self, search: PlacementSearch, found: Placements
+        self, search: PlacementSearch, outcome: PlacementOutcome
     ) -> tuple[Status, str, Measurement | None]:
         """Status, reason and the nearest miss of a search that found nothing."""
-        run = self.run
-        wherever, alone = "", found.tried == 1
+        model = self.run.model
+        wherever, alone = "", outcome.tried == 1
         if not alone:
-            wherever = f"; none of {found.tried} placements within the free ranges does better"
-        names = search.case_names
-        for k, each in enumerate(found.first):
-            if any(len(sample.closed) == 0 for sample in each.samples):
-                setting = search.setting(k, search.nominal[k])
+            wherever = f"; none of {outcome.tried} placements within the free ranges does better"
+        settings = [search.setting(k, x) for k, x in enumerate(search.nominal)]
+        in_case = [f"in case {name!r} " if name else "" for name in search.case_names]
+        for setting, first, prefix in zip(settings, outcome.first, in_case, strict=False):
+            if not first.closed:
                 joints, reason, sure = misses(
-                    setting.cell, run.model.arms, setting.placement.goals, each.samples
+                    setting.cell, model.arms, setting.placement.goals, first.samples
                 )
-                measured = run.model.measure(setting, joints)
-                in_case = f"in case {names[k]!r} " if names[k] else ""
-                freedom = Freedom.of(run.cell.problem)
+                measured = model.measure(setting, joints)
+                freedom = Freedom.of(self.run.cell.problem)
                 sure &= alone or freedom.never_closes(setting.cell, setting.placement.goals)
-                return _status(sure), in_case + reason + wherever, measured
-        for k, each in enumerate(found.first):
-            if each.blocked:
-                one = replace(run, setting=search.setting(k, search.nominal[k]))
-                in_case = f"in case {names[k]!r} " if names[k] else ""
-                reason, sure = one.blocked(each)
-                return _status(sure and alone), in_case + reason + wherever, None
-        if found.closed == 0:
-            one = replace(run, setting=search.setting(0, search.nominal[0]))
-            _, beyond = one.within_limits(found.first[0])
+                return _status(sure), prefix + reason + wherever, measured
+        for first, prefix in zip(outcome.first, in_case, strict=False):
+            if first.blocked:
+                reason, sure = blocked_reason(first)
+                return _status(sure and alone), prefix + reason + wherever, None
+        if outcome.closed == 0:
+            _, beyond = within_limits(model, settings[0], outcome.first[0], self.run.seed)
             if beyond is not None:
                 reason, sure = beyond
                 return _status(sure and alone), reason + wherever, None
-        ways = [end.status for end in found.failures]
-        return "failed", "no local solve converged: " + ", ".join(sorted({*ways})), None
+        ways = [each.status for each in failure_records(outcome.failures)]
+        return "failed", "no local solve converged: " + ", ".join(ways), None
 
 
 def _status(sure: bool) -> Status:
     return "infeasible" if sure else "failed"
 
 
-def _record(
+def _search_record(
     cell: Cell,
-    found: Placements,
+    outcome: PlacementOutcome,
     seed: int,
     effort: str,
     value: float | None,
     verification: VerificationRecord | None,
 ) -> SearchRecord:
-    ways = [end.status for end in found.failures]
-    gap = None if value is None or found.best_sample is None else value - found.best_sample
+    """The record of a search over placements: counts are sums over its searches for postures."""
+    best = outcome.best_sample
     samples = {}
     for i, arm in enumerate(cell.arms):
-        mine = [each.samples[i] for each in found.searches if len(each.samples) > i]
-        branches = [sample.branches for sample in mine if sample.branches is not None]
+        each = [found.samples[i] for found in outcome.searches if len(found.samples) > i]
+        branches = [sample.branches for sample in each if sample.branches is not None]
         samples[arm.name] = SampleRecord(
-            tried=sum(sample.tried for sample in mine),
-            closed=sum(len(sample.closed) for sample in mine),
-            branches=sum(branches) if len(branches) == len(mine) and mine else None,
+            tried=sum(sample.tried for sample in each),
+            closed=sum(len(sample.closed) for sample in each),
+            branches=sum(branches) if len(branches) == len(each) and each else None,
         )
     return SearchRecord(
         seed=seed,
         effort=effort,
         samples=samples,
-        combinations=sum(each.combinations for each in found.searches),
-        best_sample=found.best_sample,
-        gap=gap,
-        starts=sum(each.starts for each in found.searches) + found.polished,
-        local_optima=tuple(Optimum(objective=o.value, count=o.count) for o in found.optima),
-        failures=tuple(FailureRecord(status=way, count=ways.count(way)) for way in sorted({*ways})),
+        combinations=sum(each.combinations for each in outcome.searches),
+        best_sample=best,
+        gap=None if value is None or best is None else value - best,
+        starts=sum(each.starts for each in outcome.searches) + outcome.polished,
+        local_optima=tuple(Optimum(objective=o.value, count=o.count) for o in outcome.optima),
+        failures=failure_records(outcome.failures),
         verification=verification,
-        placements=PlacementRecord(tried=found.tried, closed=found.closed, polished=found.polished),
+        placements=PlacementRecord(
+            tried=outcome.tried, closed=outcome.closed, polished=outcome.polished
+        ),
     )

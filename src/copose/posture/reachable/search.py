@@ -20,8 +20,15 @@ from copose.posture.optimum import LocalOptimum
 from copose.posture.reachable.components import Component, component
 from copose.posture.reachable.coordination import CoordinationGrid, CurveNodes
 from copose.posture.reachable.reachability import reachable
-from copose.posture.search.clear_samples import alone_clear, clear_postures, in_each_others_way
-from copose.posture.search.global_search import Effort, Found, compared
+from copose.posture.search.clear_samples import (
+    ArmPostures,
+    alone_clear,
+    clear_postures,
+    in_each_others_way,
+)
+from copose.posture.search.combinations import Combinations
+from copose.posture.search.effort import Effort
+from copose.posture.search.outcome import SearchOutcome
 from copose.posture.setting import Setting
 from copose.progress import over, sheltered, stage
 from copose.self_motion.curves.curve import TracingOptions
@@ -148,36 +155,34 @@ class ReachableSet:
         reason = f"{names} cannot leave the joint_margin that the start is in"
         return reason, any(complete for _, complete in stuck)
 
-    def search(self, seed: int, effort: Effort) -> Found:
-        """Find local optima among the postures that can be reached, best first."""
+    def search(self, seed: int, effort: Effort) -> SearchOutcome:
+        """Find local optima among what the arms can come to, the best of them first."""
         model, setting = self.model, self.setting
         cell, samples = setting.cell, self.samples
         if not all(len(sample.closed) for sample in samples):
-            return Found(samples)
-        climbs = LocalSearches(model, setting, effort.polished)
-        postures = [sample.closed for sample in samples]
-        near = [sample.neighbours for sample in samples]
+            return SearchOutcome(samples)
+        climbs = LocalSearches(model, setting, effort.polished, effort.climbing)
+        arms = ArmPostures.of(samples)
         if setting.bodies is None:
-            return self.confirmed(compared(climbs, samples, postures, near, seed, effort))
+            return self.confirmed(Combinations(climbs, arms, seed, effort).search(samples))
         if self.grid is not None:
-            postures = [nodes.q for nodes in self.nodes]
-            near = [neighbours(cell, model.arms[i], i, q) for i, q in enumerate(postures)]
-            return self.confirmed(
-                compared(climbs, samples, postures, near, seed, effort, self._allowed)
-            )
-        cleared = clear_postures(model, setting, postures)
+            q = [nodes.q for nodes in self.nodes]
+            near = [neighbours(cell, model.arms[i], i, each) for i, each in enumerate(q)]
+            combinations = Combinations(climbs, ArmPostures(q, near), seed, effort, self._allowed)
+            return self.confirmed(combinations.search(samples))
+        cleared = clear_postures(model, setting, arms.postures)
         if cleared.blocked:
-            return Found(samples, blocked=cleared.blocked)
-        found = compared(climbs, samples, cleared.postures, cleared.neighbours, seed, effort)
-        if not (found.optima or found.failures):
-            return Found(samples, blocked=in_each_others_way(setting, cleared.postures, seed))
-        return self.confirmed(found)
+            return SearchOutcome(samples, blocked=cleared.blocked)
+        outcome = Combinations(climbs, cleared, seed, effort).search(samples)
+        if not (outcome.optima or outcome.failures):
+            blocked = in_each_others_way(setting, cleared.postures, seed)
+            return SearchOutcome(samples, blocked=blocked)
+        return self.confirmed(outcome)
 
-    def confirmed(self, found: Found) -> Found:
-        """A search's outcome with those of its optima that can be reached.
-
-        Its best combination before polishing is added where it is better, or no optimum is left.
-        Where the call has to end, only a few optima are confirmed, and only if that is quick.
+    def confirmed(self, found: SearchOutcome) -> SearchOutcome:
+        """A search with those of its optima that can be come to; where its best combination before
+        polishing is better, or there is none, with that. Where the call has to end, of a few that
+        are quick to tell.
         """
         if not over():
             return self._confirmed(found)
@@ -185,8 +190,7 @@ class ReachableSet:
         with sheltered():
             return self._confirmed(replace(found, optima=quick, best=None))
 
-    def _confirmed(self, found: Found) -> Found:
-        """The outcome of `confirmed` without hurry."""
+    def _confirmed(self, found: SearchOutcome) -> SearchOutcome:
         kept = []
         for optimum in found.optima[: self.options.optima]:
             q = self._reached(optimum.q)

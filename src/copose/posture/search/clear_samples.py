@@ -1,4 +1,4 @@
-"""What bodies in the way leave of the arms' postures that hold the object."""
+"""Postures of the arms that hold the object clear of bodies in the way."""
 
 from __future__ import annotations
 
@@ -13,20 +13,39 @@ from copose.poses import Array, Indices, Mask
 from copose.posture.model import PostureModel
 from copose.posture.setting import Setting
 from copose.self_motion.projection import CLOSED, project
-from copose.self_motion.sampling import neighbours
+from copose.self_motion.sampling import ArmSample, neighbours
 
-# Combinations of which some are told.
-_COMBINED = 1024
-# Where at most such a part of an arm's postures is clear others are closed between those next to
-# each other.
-_FEW_CLEAR = 0.5
-# At what parts of the way between them, one after the other.
-_BETWEEN = (0.5, 0.25, 0.75)
+
+@dataclass(frozen=True)
+class ClearingOptions:
+    """Options of looking for clear postures."""
+
+    few: float = 0.5  # share of clear postures of an arm up to which others are closed between them
+    between: tuple[float, ...] = (0.5, 0.25, 0.75)  # parts of the way, one after the other
+    combined: int = 1024  # combinations that are looked at for what is always too near
 
 
 @dataclass(frozen=True, eq=False)
-class Cleared:
-    """What is left of the arms' postures.
+class ArmPostures:
+    """Postures of every arm that hold the object.
+
+    Attributes:
+        postures: by arm, (count_i, n_i).
+        neighbours: by arm, indices of the postures next to each, (count_i, k).
+    """
+
+    postures: list[Array]
+    neighbours: list[Indices]
+
+    @classmethod
+    def of(cls, samples: Sequence[ArmSample]) -> ArmPostures:
+        """Postures of samples, one of each arm."""
+        return cls([each.closed for each in samples], [each.neighbours for each in samples])
+
+
+@dataclass(frozen=True, eq=False)
+class Cleared(ArmPostures):
+    """Postures of every arm that keep clear of all but the other arms.
 
     Attributes:
         postures: by arm, (count_i, n_i).
@@ -34,46 +53,49 @@ class Cleared:
         blocked: what comes too near where none of an arm's is clear, or the object is in the way.
     """
 
-    postures: list[Array]
-    neighbours: list[Indices]
     blocked: tuple[Blocked, ...]
 
 
-def clear_postures(model: PostureModel, setting: Setting, postures: Sequence[Array]) -> Cleared:
+def clear_postures(
+    model: PostureModel,
+    setting: Setting,
+    postures: Sequence[Array],
+    options: ClearingOptions = ClearingOptions(),
+) -> Cleared:
     """Postures of each arm, (count_i, n_i), that keep clear of itself and of what stands still."""
     bodies, cell = setting.bodies, setting.cell
     assert bodies is not None
-    here = setting.configurations([None] * len(postures))
-    found, near, blocked = [], [], []
-    if not bodies.clear(here, bodies.still)[0]:
-        blocked.append(in_the_way(bodies, here, bodies.still, every=True))
-    for i, mine in enumerate(postures):
-        clear = alone_clear(setting, i, mine)
-        if clear.mean() <= _FEW_CLEAR:
-            more = _denser(model, setting, i, mine, len(mine) - int(clear.sum()))
-            mine = np.vstack([mine, more])
-            clear = np.concatenate([clear, np.ones(len(more), dtype=bool)])
+    nowhere = setting.configurations([None] * len(postures))
+    kept, near, blocked = [], [], []
+    if not bodies.clear(nowhere, bodies.still)[0]:
+        blocked.append(in_the_way(bodies, nowhere, bodies.still, every=True))
+    for i, q in enumerate(postures):
+        clear = alone_clear(setting, i, q)
+        if clear.mean() <= options.few:
+            between = _between(model, setting, i, q, len(q) - int(clear.sum()), options)
+            q = np.vstack([q, between])
+            clear = np.concatenate([clear, np.ones(len(between), dtype=bool)])
         if not clear.any():
-            x = setting.configurations(_alone(setting, i, mine))
+            x = setting.configurations(_alone(setting, i, q))
             blocked.append(in_the_way(bodies, x, bodies.own(i), every=cell.spare(i) <= 0))
         number = np.cumsum(clear) - 1
         # A neighbour that is gone is none: a posture beside itself changes nothing.
-        others = neighbours(cell, model.arms[i], i, mine)[clear]
+        others = neighbours(cell, model.arms[i], i, q)[clear]
         own = np.flatnonzero(clear)[:, None]
-        found.append(mine[clear])
+        kept.append(q[clear])
         near.append(number[np.where(clear[others], others, own)])
-    return Cleared(found, near, tuple(blocked))
+    return Cleared(kept, near, tuple(blocked))
 
 
 def alone_clear(setting: Setting, i: int, q: Array) -> Mask:
-    """Which postures of arm i, (count, n), keep clear of all but the other arms."""
+    """Mask of postures of arm i, (count, n), that keep clear of all but the other arms."""
     bodies = setting.bodies
     assert bodies is not None
     return bodies.clear(setting.configurations(_alone(setting, i, q)), bodies.own(i))
 
 
 def kept_apart(setting: Setting, postures: Sequence[Array]) -> Callable[[Indices], Mask]:
-    """A test of combinations, (count, K), of the arms' postures: whether the arms are clear of each
+    """Predicate of combinations, (count, K), of the arms' postures: the arms are clear of each
     other.
     """
     bodies = setting.bodies
@@ -85,7 +107,7 @@ def kept_apart(setting: Setting, postures: Sequence[Array]) -> Callable[[Indices
         clear, hit = judge(chosen)
         left = np.flatnonzero(~(clear | hit))
         if len(left):
-            q = [mine[rows] for mine, rows in zip(postures, chosen[left].T, strict=True)]
+            q = [each[rows] for each, rows in zip(postures, chosen[left].T, strict=True)]
             clear[left] = bodies.clear(setting.configurations(q), bodies.shared)
         return clear
 
@@ -93,21 +115,25 @@ def kept_apart(setting: Setting, postures: Sequence[Array]) -> Callable[[Indices
 
 
 def in_each_others_way(
-    setting: Setting, postures: Sequence[Array], seed: int
+    setting: Setting,
+    postures: Sequence[Array],
+    seed: int,
+    options: ClearingOptions = ClearingOptions(),
 ) -> tuple[Blocked, ...]:
-    """Which arms are in each other's way in all combinations, as far as some of them tell; in every
-    one where they are few. None where some are clear, and torque limits decide.
+    """The arms that are in each other's way in all combinations, or in all of a random choice.
+
+    Empty where some are clear, and torque limits decide.
     """
     bodies, cell = setting.bodies, setting.cell
     assert bodies is not None
     counts = [len(mine) for mine in postures]
-    every = all(cell.spare(i) <= 0 for i in range(len(counts))) and prod(counts) <= _COMBINED
+    every = all(cell.spare(i) <= 0 for i in range(len(counts))) and prod(counts) <= options.combined
     if every:
         chosen = [grid.ravel() for grid in np.indices(counts)]
     else:
         rng = np.random.default_rng([seed, len(postures), 1])
-        chosen = [rng.integers(0, count, _COMBINED) for count in counts]
-    x = setting.configurations([mine[k] for mine, k in zip(postures, chosen, strict=True)])
+        chosen = [rng.integers(0, count, options.combined) for count in counts]
+    x = setting.configurations([q[k] for q, k in zip(postures, chosen, strict=True)])
     if bodies.clear(x, bodies.shared).any():
         return ()
     return (in_the_way(bodies, x, bodies.shared, every=every),)
@@ -118,26 +144,32 @@ def _alone(setting: Setting, i: int, q: Array) -> list[Array | None]:
     return [q if j == i else None for j in range(len(setting.cell.arms))]
 
 
-def _denser(model: PostureModel, setting: Setting, i: int, q: Array, most: int) -> Array:
-    """Closed postures of arm i between those next to each other, (count, n), that keep clear; about
-    so many at most.
+def _between(
+    model: PostureModel,
+    setting: Setting,
+    i: int,
+    q: Array,
+    most: int,
+    options: ClearingOptions,
+) -> Array:
+    """Closed, clear postures of arm i between those next to each other, (count, n).
 
-    Little of a self-motion may be clear, and few samples lie there.
+    Little of a self-motion may be clear, and few samples lie there. They are about ``most``.
     """
     cell, kernels = setting.cell, model.arms[i]
-    found = [q[:0]]
+    clear = [q[:0]]
     if kernels.n == kernels.m or len(q) < 2:
-        return found[0]
+        return clear[0]
     near = neighbours(cell, kernels, i, q)
     pairs = np.column_stack([np.repeat(np.arange(len(q)), near.shape[1]), near.ravel()])
     a, b = np.unique(np.sort(pairs, axis=1), axis=0).T
     apart = cell.nearest_turn(i, q[b] - q[a])
     goal = setting.placement.goals[i]
-    for part in _BETWEEN:
+    for part in options.between:
         ends, gaps = project(kernels, q[a] + part * apart, goal, cell.lower[i], cell.upper[i])
         ends = ends[gaps < CLOSED]
-        found.append(ends[alone_clear(setting, i, ends)])
-        if sum(map(len, found)) >= most:
+        clear.append(ends[alone_clear(setting, i, ends)])
+        if sum(map(len, clear)) >= most:
             break
-    more = np.vstack(found)
-    return np.asarray(more[:: max(1, -(-len(more) // most))])
+    every = np.vstack(clear)
+    return np.asarray(every[:: max(1, -(-len(every) // most))])

@@ -1,4 +1,4 @@
-"""Why no posture keeps the torque limits: which joint gives way, and what would be possible."""
+"""The heaviest object that a cell can hold, and the joint that gives way under a heavier one."""
 
 from __future__ import annotations
 
@@ -12,14 +12,10 @@ from copose.cell.cell import Cell
 from copose.objectives.payload import Payload
 from copose.poses import Array
 from copose.posture.model import PostureModel
-from copose.posture.search.global_search import EFFORTS, search
+from copose.posture.search.effort import EFFORTS
+from copose.posture.search.global_search import search
 from copose.posture.setting import Setting
 from copose.progress import hushed
-
-# Combinations of arms' postures that are judged one by one, at most.
-_COMBINED = 4096
-# Relative; beyond it no wrenches carry the object.
-_CARRIED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,33 +38,37 @@ class Heaviest:
 
 
 def all_judged(cell: Cell) -> bool:
-    """Whether a search compares all postures: of one or two arms, each of which has finitely many
-    or curves of them that are followed whole.
+    """True where a search compares all postures.
+
+    It does of one or two arms, each of which has finitely many or curves that are followed whole.
     """
     return len(cell.arms) <= 2 and all(cell.spare(i) <= 1 for i in range(len(cell.arms)))
 
 
-def combinations(postures: Sequence[Array]) -> Array:
-    """All combinations of the arms' postures, (count_i, n_i), stacked, (count, N); none where they
-    are too many to judge.
+def combinations(postures: Sequence[Array], most: int = 4096) -> Array:
+    """All combinations of the arms' postures, stacked, (count, N).
+
+    Args:
+        postures: by arm, (count_i, n_i).
+        most: combinations that can be judged one by one; where there are more none is given.
     """
-    counts = [len(mine) for mine in postures]
-    if math.prod(counts) > _COMBINED:
-        return np.zeros((0, sum(mine.shape[1] for mine in postures)))
+    counts = [len(q) for q in postures]
+    if math.prod(counts) > most:
+        return np.zeros((0, sum(q.shape[1] for q in postures)))
     grids = np.indices(counts).reshape(len(counts), -1)
-    return np.hstack([mine[rows] for mine, rows in zip(postures, grids, strict=True)])
+    return np.hstack([q[rows] for q, rows in zip(postures, grids, strict=True)])
 
 
 def uncarried(setting: Setting) -> bool:
-    """Whether no contact wrenches, however large, hold the object at rest."""
+    """True where no contact wrenches, however large, hold the object at rest."""
     assert setting.holding is not None
     P, weight = np.hstack(setting.holding.balance), setting.holding.weight
     missed = P @ np.linalg.lstsq(P, weight, rcond=None)[0] - weight
-    return bool(np.abs(missed).max() > _CARRIED * (1 + np.abs(weight).max()))
+    return bool(np.abs(missed).max() > 1e-9 * (1 + np.abs(weight).max()))
 
 
 def heaviest(cell: Cell, seed: int) -> Heaviest:
-    """Search for them."""
+    """The postures that hold the most, by a search for the largest payload."""
     limits = cell.counted_limits
     constraints = cell.problem.constraints.model_copy(update={"static_torque": False})
     free = cell.under(constraints)
@@ -76,15 +76,15 @@ def heaviest(cell: Cell, seed: int) -> Heaviest:
     model = PostureModel(free, Payload(limits, rest, cell.problem.space))
     setting = model.setting(free)
     with hushed():
-        found = search(model, setting, seed, EFFORTS["normal"])
+        outcome = search(model, setting, seed, EFFORTS["normal"])
     nothing = "no posture holds the object at rest within the torque limits"
-    q = np.array([optimum.q for optimum in found.optima])
+    q = np.array([optimum.q for optimum in outcome.optima])
     if len(q) == 0 or setting.holding is None or model.capacity is None:
         reason = f"{nothing} and those of contact wrenches, however light it is"
         bound = setting.holding is not None and uncarried(setting)
         return Heaviest(q, None, reason, bound or all_judged(cell))
-    best = found.optima[0]
-    parts = [mine[None] for mine in cell.system.split(best.q)]
+    best = outcome.optima[0]
+    parts = [q_i[None] for q_i in cell.system.split(best.q)]
     hold = model.capacity.dynamics(setting.holding, parts).hold(setting.holding.hold)
     if hold is None:
         reason = f"{nothing} and those of contact wrenches"
@@ -105,5 +105,5 @@ def heaviest(cell: Cell, seed: int) -> Heaviest:
 
 def times(share: float) -> str:
     """A share of a limit in words, three digits after the point: never 1 for what is more."""
-    told = f"{share:.3f}"
-    return told if share <= 1 or float(told) > 1 else f"{share:.7f}"
+    text = f"{share:.3f}"
+    return text if share <= 1 or float(text) > 1 else f"{share:.7f}"

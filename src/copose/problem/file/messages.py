@@ -1,4 +1,4 @@
-"""From pydantic's faults to one line in the words of a problem file."""
+"""Messages: pydantic's faults as one line in the words of a problem file."""
 
 from __future__ import annotations
 
@@ -11,18 +11,6 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from copose.errors import InputError, arm_key, nearest, shown
-
-_WANTED = {
-    "bool_type": "must be true or false",
-    "dict_type": "must be a table",
-    "finite_number": "must be finite",
-    "float_type": "must be a number",
-    "int_type": "must be a whole number",
-    "model_attributes_type": "must be a table",
-    "model_type": "must be a table",
-    "string_type": "must be a text",
-    "tuple_type": "must be an array",
-}
 
 
 def explain(
@@ -110,10 +98,26 @@ def _text(fault: ErrorDetails, owner: type[BaseModel] | None, faults: list[Error
             return f"{shown(value)} must be at least {context['ge']:g}"
         case "less_than_equal":
             return f"{shown(value)} must be at most {context['le']:g}"
-        case _ if kind in _WANTED:
-            return f"{shown(value)} {_WANTED[kind]}"
+        case _ if (wanted := _wanted(kind)) is not None:
+            return f"{shown(value)} {wanted}"
         case _:
             return f"{shown(value)}: {fault['msg'][:1].lower()}{fault['msg'][1:]}"
+
+
+def _wanted(kind: str) -> str | None:
+    """A type that a value must have, by pydantic's name of the fault."""
+    types = {
+        "bool_type": "must be true or false",
+        "dict_type": "must be a table",
+        "finite_number": "must be finite",
+        "float_type": "must be a number",
+        "int_type": "must be a whole number",
+        "model_attributes_type": "must be a table",
+        "model_type": "must be a table",
+        "string_type": "must be a text",
+        "tuple_type": "must be an array",
+    }
+    return types.get(kind)
 
 
 def _is_long(value: object) -> bool:

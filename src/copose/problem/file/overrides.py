@@ -1,4 +1,4 @@
-"""Single keys of a problem's tables replaced by others, ``object.mass = 3``."""
+"""Overrides of single keys of a problem's tables, such as ``object.mass = 3``."""
 
 from __future__ import annotations
 
@@ -15,16 +15,6 @@ from copose.problem.file.messages import tables_of
 from copose.problem.file.reading import is_planar
 from copose.problem.objects import Placement
 from copose.problem.spec import PlanarProblem, SpatialProblem
-
-_PART = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'[^']*'|[^.="'][^.=]*)\s*([.=]|$)""")
-_DEEPEST = 20
-# Two ways to say one thing: either takes the other's place.
-_IN_PLACE = {
-    "rpy": "quaternion",
-    "quaternion": "rpy",
-    "direction": "directions",
-    "directions": "direction",
-}
 
 
 def read_override(text: str) -> tuple[str, Any]:
@@ -96,21 +86,26 @@ def overridden(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str,
 
 
 def _parts(text: str) -> tuple[list[str], int]:
-    """The keys of a dotted path, and where what follows its equals sign begins."""
+    """The keys of a dotted path, and where what follows its equals sign begins.
+
+    Raises:
+        InputError: it is no path of at most 20 keys.
+    """
+    key = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'[^']*'|[^.="'][^.=]*)\s*([.=]|$)""")
     parts: list[str] = []
     end = 0
     while True:
-        found = _PART.match(text, end)
-        if found is None or len(parts) == _DEEPEST:
+        match = key.match(text, end)
+        if match is None or len(parts) == 20:
             raise InputError("is no path of keys such as object.mass", key=text)
-        word, after = found[1].strip(), found[2]
+        word, after = match[1].strip(), match[2]
         if word[0] in "\"'":
             try:
                 word = tomllib.loads(f"word = {word}")["word"]
             except ValueError:
                 raise InputError("is no path of keys such as object.mass", key=text) from None
         parts.append(word)
-        end = found.end()
+        end = match.end()
         if after != ".":
             return parts, end
 
@@ -139,7 +134,10 @@ def _put(
         node[part] = value
         if part == "kind":
             _keep_legal(node, models)
-    node.pop(_IN_PLACE.get(part), None)
+    # Two ways to say one thing: either takes the other's place.
+    for pair in (("rpy", "quaternion"), ("direction", "directions")):
+        if part in pair:
+            node.pop(pair[1 - pair.index(part)], None)
 
 
 def _index(node: Sequence[Any], part: str, key: str) -> int:
@@ -163,7 +161,7 @@ def _index(node: Sequence[Any], part: str, key: str) -> int:
 def _beginning(
     node: Mapping[str, Any], part: str, fields: Sequence[FieldInfo], table: bool, key: str
 ) -> Any:
-    """What a key that is absent is before a part of it is set: what leaving it out means."""
+    """Value of an absent key before a part of it is set: the default that leaving it out means."""
     if part == "rpy" and "quaternion" in node:
         try:
             meant = Placement.model_validate({"quaternion": tuple(node["quaternion"])})

@@ -1,4 +1,4 @@
-"""From a TOML file to a problem, or to one line that says what is wrong with it."""
+"""Reading of problem files: TOML to a problem, or to one line that says what is wrong with it."""
 
 from __future__ import annotations
 
@@ -7,22 +7,24 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import ValidationError
 
 from copose.errors import InputError
 from copose.poses import Pose
+from copose.problem.fields import as_tuples
 from copose.problem.file.messages import explain
-from copose.problem.objects import Placement, PlanarObject, PlanarPlacement
+from copose.problem.objects import Placement, PlanarPlacement
 from copose.problem.spaces import SPACES
 from copose.problem.spec import PlanarProblem, Problem, SpatialProblem
-
-_MOST_BYTES = 1_000_000
-_DEEPEST = 20
+from copose.problem.variants import changed
 
 
-def read_bytes(path: Path, most_bytes: int = _MOST_BYTES) -> bytes:
-    """What a file holds, with every way in which it may be unreadable named."""
+def read_bytes(path: Path, most_bytes: int = 1_000_000) -> bytes:
+    """The bytes of a file.
+
+    Raises:
+        InputError: it cannot be read, or is longer than ``most_bytes``.
+    """
     try:
         if path.is_dir():
             raise InputError("is a folder; a file was expected", file=path)
@@ -37,8 +39,12 @@ def read_bytes(path: Path, most_bytes: int = _MOST_BYTES) -> bytes:
         raise InputError(f"cannot be read: {reason}", file=path) from None
 
 
-def read_text(path: Path, most_bytes: int = _MOST_BYTES) -> str:
-    """The text of a file in UTF-8, without the byte order mark of some editors."""
+def read_text(path: Path, most_bytes: int = 1_000_000) -> str:
+    """The text of a file in UTF-8, without the byte order mark of some editors.
+
+    Raises:
+        InputError: it cannot be read, or is no such text.
+    """
     try:
         return read_bytes(path, most_bytes).decode("utf-8").removeprefix("\ufeff")
     except UnicodeDecodeError as error:
@@ -82,7 +88,7 @@ def parse(data: Mapping[str, Any], source: Path | None = None) -> Problem:
     check_depth(data, source)
     model = PlanarProblem if is_planar(data) else SpatialProblem
     try:
-        problem = model.model_validate(_as_tuples(data))
+        problem = model.model_validate(as_tuples(data))
     except ValidationError as error:
         raise explain(error, model, source, data) from None
     problem._source = source
@@ -90,14 +96,14 @@ def parse(data: Mapping[str, Any], source: Path | None = None) -> Problem:
 
 
 def is_planar(data: Mapping[str, Any]) -> bool:
-    """Whether tables are of a problem in the plane."""
+    """True where tables are of a problem in the plane."""
     task = data.get("task")
     name = task.get("space") if isinstance(task, Mapping) else None
     return isinstance(name, str) and name in SPACES and SPACES[name].planar
 
 
 def moved(problem: Problem, place: Mapping[str, Any]) -> Problem:
-    """The same problem with its object elsewhere.
+    """A problem with its object elsewhere.
 
     Args:
         problem: as read.
@@ -116,19 +122,19 @@ def moved(problem: Problem, place: Mapping[str, Any]) -> Problem:
             raise InputError(
                 f"is not known; allowed: {', '.join(allowed)}", key=f"object_pose.{key}"
             )
-    thing = problem.object
+    held = problem.object
     model = PlanarPlacement if problem.space.planar else Placement
-    stays = {key: getattr(thing, key) for key in ("position", turn)}
+    stays = {key: getattr(held, key) for key in ("position", turn)}
     if "quaternion" in place:
         del stays[turn]
     try:
         # The object's other keys are as they were: only its place is checked again.
-        new = model.model_validate({**stays, **_as_tuples(place)})
+        new = model.model_validate({**stays, **as_tuples(place)})
     except ValidationError as error:
-        found = explain(error, model, None)
-        raise InputError(found.message, key=f"object_pose.{found.key}") from None
-    there = thing.model_copy(update={key: getattr(new, key) for key in ("position", turn)})
-    return _with(problem, {"object": there})
+        fault = explain(error, model, None)
+        raise InputError(fault.message, key=f"object_pose.{fault.key}") from None
+    there = held.model_copy(update={key: getattr(new, key) for key in ("position", turn)})
+    return changed(problem, {"object": there})
 
 
 def placement(given: Mapping[str, Any], *, planar: bool) -> Pose:
@@ -143,76 +149,23 @@ def placement(given: Mapping[str, Any], *, planar: bool) -> Pose:
     """
     model = PlanarPlacement if planar else Placement
     try:
-        return model.model_validate(_as_tuples(given)).pose
+        return model.model_validate(as_tuples(given)).pose
     except ValidationError as error:
         raise explain(error, model, None) from None
 
 
-def displaced(problem: Problem, offsets: Mapping[str, float]) -> Problem:
-    """The same problem with its object displaced by x, y, z, m, and roll, pitch, yaw, rad."""
-    if not offsets:
-        return problem
-    thing = problem.object
-    position = [p + offsets.get(name, 0.0) for p, name in zip(thing.position, "xyz", strict=False)]
-    update: dict[str, object] = {"position": tuple(position)}
-    if isinstance(thing, PlanarObject):
-        update["angle"] = thing.angle + offsets.get("yaw", 0.0)
-    else:
-        names = ("roll", "pitch", "yaw")
-        update["rpy"] = tuple(
-            a + offsets.get(name, 0.0) for a, name in zip(thing.rpy, names, strict=True)
-        )
-    return _with(problem, {"object": thing.model_copy(update=update)})
+def check_depth(data: Mapping[str, Any], source: Path | None, deepest: int = 20) -> None:
+    """Refuse tables that are nested more deeply than any problem is.
 
-
-def case_problems(problem: Problem) -> tuple[Problem, ...]:
-    """One problem for every case: its pose, its mass with inertia in proportion, its direction."""
-    found = []
-    for case in problem.cases:
-        thing, objective = problem.object, problem.objective
-        given = ("position", "angle" if problem.space.planar else "rpy")
-        update = {key: getattr(case, key) for key in given if getattr(case, key) is not None}
-        if case.mass is not None:
-            update["mass"] = case.mass
-            if thing.inertia is not None:
-                inertia = np.array(thing.inertia) * (case.mass / thing.mass)
-                update["inertia"] = _as_tuples(inertia)
-        if case.direction is not None:
-            objective = objective.along(case.direction)
-        update = {"object": thing.model_copy(update=update), "objective": objective}
-        found.append(_with(problem, update))
-    return tuple(found)
-
-
-def held(problem: Problem, case: str = "") -> Problem:
-    """A problem, or one of its cases by name, with all but joints where the file has it."""
-    if problem.cases:
-        names = [each.name for each in problem.cases]
-        problem = case_problems(problem)[names.index(case)]
-    thing = problem.object
-    arms = (arm.model_copy(update={"freedom": type(arm.freedom)()}) for arm in problem.arms)
-    update: dict[str, object] = {
-        "cases": (),
-        "object": thing.model_copy(update={"freedom": type(thing.freedom)()}),
-        "arms": tuple(arms),
-    }
-    return _with(problem, update)
-
-
-def _with(problem: Problem, update: Mapping[str, object]) -> Problem:
-    other = problem.model_copy(update=update)
-    other._source = problem.source
-    return other
-
-
-def check_depth(data: Mapping[str, Any], source: Path | None) -> None:
-    """Refuse tables that are nested more deeply than any problem is."""
+    Raises:
+        InputError: they are.
+    """
     level: list[object] = [data]
-    for _ in range(_DEEPEST):
+    for _ in range(deepest):
         level = [child for node in level for child in _children(node)]
         if not level:
             return
-    raise InputError(f"is nested more than {_DEEPEST} levels deep", file=source)
+    raise InputError(f"is nested more than {deepest} levels deep", file=source)
 
 
 def _children(node: object) -> Iterator[object]:
@@ -220,14 +173,3 @@ def _children(node: object) -> Iterator[object]:
         yield from node.values()
     elif isinstance(node, (list, tuple)):
         yield from node
-
-
-def _as_tuples(node: Any) -> Any:
-    """Arrays as tuples: a frozen problem holds nothing that can be changed; scalars as Python's."""
-    if isinstance(node, Mapping):
-        return {key: _as_tuples(value) for key, value in node.items()}
-    if isinstance(node, (list, tuple)):
-        return tuple(_as_tuples(value) for value in node)
-    if isinstance(node, np.ndarray):
-        return _as_tuples(node.tolist())
-    return node.item() if isinstance(node, np.generic) else node

@@ -6,7 +6,10 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-_HEAD = """# Problem files: every key
+
+def made_reference(schema: Mapping[str, Any]) -> str:
+    """The page, of a schema as `made_schema` makes it."""
+    head = """# Problem files: every key
 
 A problem file is TOML: tables such as `[object]`, one `[[arms]]` for each arm, and keys in them.
 Each table has a section below. It says where the table stands (`object.shape` is the key `shape` of
@@ -17,12 +20,6 @@ with arms by `links`.
 [getting-started](getting-started.md) builds a file step by step; `copose schema` prints all of this
 for editors.
 """
-_TYPES = {"number": "number", "integer": "whole number", "boolean": "true or false",
-          "string": "text"}  # fmt: skip
-
-
-def made_reference(schema: Mapping[str, Any]) -> str:
-    """The page, of a schema as `made_schema` makes it."""
     definitions = schema["$defs"]
     places: dict[str, list[str]] = {
         entry["$ref"].rpartition("/")[2]: [""] for entry in schema["anyOf"]
@@ -36,7 +33,7 @@ def made_reference(schema: Mapping[str, Any]) -> str:
                 order += [other] if other not in order else []
     sections = (_section(definitions[name], places[name]) for name in order)
     # Problems in space and in the plane have the same keys.
-    return "\n".join([_HEAD, *dict.fromkeys(sections)])
+    return "\n".join([head, *dict.fromkeys(sections)])
 
 
 def _named(node: Any) -> Iterator[str]:
@@ -52,7 +49,7 @@ def _named(node: Any) -> Iterator[str]:
 
 
 def _section(definition: Mapping[str, Any], places: list[str]) -> str:
-    """What is told of a table that stands at some places, the whole file at none."""
+    """Section of a table that stands at some places, of the whole file at none."""
     title, properties = definition["description"].rstrip("."), dict(definition["properties"])
     if "kind" in properties:
         title = f"`kind = {_toml(properties.pop('kind')['const'])}`: {title}"
@@ -73,7 +70,7 @@ def _section(definition: Mapping[str, Any], places: list[str]) -> str:
 
 
 def _value(given: Mapping[str, Any], plural: bool = False) -> str:
-    """What may stand behind a key, in words."""
+    """Values that a key may have, in words."""
     ending = "s" * plural
     if "const" in given:
         return f"`{_toml(given['const'])}`"
@@ -87,10 +84,10 @@ def _value(given: Mapping[str, Any], plural: bool = False) -> str:
         count = f"{least} " if least is not None and least == most else ""
         inner = _value(given["items"], plural=True)
         return f"{'arrays of ' * plural}{count}{inner}" if count else f"array{ending} of {inner}"
-    if given.get("type") in _TYPES:
-        word = _TYPES[given["type"]]
-        return word if word == "true or false" else word + ending
-    return "table" + ending
+    if given.get("type") == "boolean":
+        return "true or false"
+    words = {"number": "number", "integer": "whole number", "string": "text"}
+    return words.get(given.get("type", ""), "table") + ending
 
 
 def _toml(value: Any) -> str:

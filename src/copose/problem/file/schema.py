@@ -16,7 +16,7 @@ from copose.problem.spec import PlanarProblem, SpatialProblem
 
 
 def made_schema() -> str:
-    """What the file `copose.problem.SCHEMA` holds."""
+    """Text of the file `copose.problem.SCHEMA`."""
     kinds = (SpatialProblem, PlanarProblem)
     _, whole = models_json_schema([(kind, "validation") for kind in kinds])
     definitions = {name: _plain(each) for name, each in whole["$defs"].items()}
@@ -46,7 +46,7 @@ def made_schema() -> str:
 
 
 def described(model: type[BaseModel]) -> dict[str, str]:
-    """What docstrings say of a model's fields, its own before those of what it is made from."""
+    """Texts of a model's fields by name, from its docstring and those of its bases."""
     found: dict[str, str] = {}
     for parent in reversed(model.__mro__):
         _, _, section = inspect.cleandoc(parent.__dict__.get("__doc__") or "").partition(

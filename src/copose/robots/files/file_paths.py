@@ -114,9 +114,9 @@ def _package(name: str, packages: Mapping[str, Path], near: Sequence[Path]) -> P
     for folder in folders:
         if (folder / rest).is_file():
             return folder / rest
-    there = [folder for folder in folders if folder.is_dir()]
-    if there:
-        raise InputError(f"package {package!r} has no file {rest!r} (looked in {_listed(there)})")
+    known = [folder for folder in folders if folder.is_dir()]
+    if known:
+        raise InputError(f"package {package!r} has no file {rest!r} (looked in {_listed(known)})")
     raise MissingPackageError(
         f"package {package!r} was not found; name its folder by packages = {{ {package} = "
         f'"FOLDER" }} in [[arms]], by ROS_PACKAGE_PATH or by AMENT_PREFIX_PATH (tried '

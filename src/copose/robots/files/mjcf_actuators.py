@@ -48,7 +48,7 @@ class MjcfActuators:
         return [(a, int(controls[a]), int(outputs[a])) for a in range(count)]
 
     def _transmission(self, a: int) -> str:
-        """What actuator a acts on, such as JOINT."""
+        """The kind of what actuator a acts on, such as JOINT."""
         return named(self.source.mujoco.mjtTrn, self.source.model.actuator_trntype[a])
 
     def drive(self, j: int) -> JointRates:

@@ -113,9 +113,9 @@ def numbers(
         return values
     if key not in element.attrib:
         raise ValueError(f"<{element.tag}> has no {key}")
-    wanted = "a number" if count == 1 else f"{count} numbers"
-    wanted += f" within ±{largest:g} {'is' if count == 1 else 'are'}"
-    raise ValueError(f"{key} of <{element.tag}> is {shown(text)}; {wanted} needed")
+    legal = "a number" if count == 1 else f"{count} numbers"
+    legal += f" within ±{largest:g} {'is' if count == 1 else 'are'}"
+    raise ValueError(f"{key} of <{element.tag}> is {shown(text)}; {legal} needed")
 
 
 def placement(element: ET.Element) -> Pose:

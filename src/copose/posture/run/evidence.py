@@ -1,0 +1,154 @@
+"""Evidence for an answer: the record of its search, its verification, and reasons of a failure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from copose.cell.cell import Cell
+from copose.posture.model import PostureModel
+from copose.posture.optimum import LocalOptimum
+from copose.posture.search.global_search import climbed
+from copose.posture.search.heaviest import all_judged, combinations, heaviest, uncarried
+from copose.posture.search.outcome import SearchOutcome
+from copose.posture.setting import Setting
+from copose.posture.solvers.nlp import LocalSolve
+from copose.results import (
+    FailureRecord,
+    Optimum,
+    SampleRecord,
+    SearchRecord,
+    VerificationRecord,
+    vector,
+)
+
+
+def search_record(
+    cell: Cell,
+    outcome: SearchOutcome,
+    seed: int,
+    effort: str,
+    value: float | None,
+    verification: VerificationRecord | None = None,
+) -> SearchRecord:
+    """The record of a search for postures.
+
+    Args:
+        cell: the arms.
+        outcome: of the search.
+        seed: of everything that was drawn.
+        effort: how much was tried, by name.
+        value: the objective of the answer; None where there is none.
+        verification: of the answer, where it was asked for.
+    """
+    gap = None
+    if value is not None and outcome.best_sample is not None:
+        gap = value - outcome.best_sample
+    return SearchRecord(
+        seed=seed,
+        effort=effort,
+        samples={
+            arm.name: SampleRecord(
+                tried=sample.tried, closed=len(sample.closed), branches=sample.branches
+            )
+            for arm, sample in zip(cell.arms, outcome.samples, strict=False)
+        },
+        combinations=outcome.combinations,
+        best_sample=outcome.best_sample,
+        gap=gap,
+        starts=outcome.starts,
+        local_optima=tuple(_optimum(cell, each) for each in outcome.optima),
+        failures=failure_records(outcome.failures),
+        verification=verification,
+    )
+
+
+def _optimum(cell: Cell, optimum: LocalOptimum) -> Optimum:
+    parts = enumerate(zip(cell.arms, cell.system.split(optimum.q), strict=True))
+    joints = {arm.name: vector(cell.folded(i, q)) for i, (arm, q) in parts}
+    return Optimum(objective=optimum.objective, count=optimum.count, joints=joints)
+
+
+def failure_records(failures: Sequence[LocalSolve]) -> tuple[FailureRecord, ...]:
+    """The ways in which programs failed, and how often each."""
+    ways = [end.status for end in failures]
+    return tuple(FailureRecord(status=way, count=ways.count(way)) for way in sorted({*ways}))
+
+
+def verification_seed(seed: int) -> int:
+    """The seed of a second search beside that of the first."""
+    return int(np.random.SeedSequence([seed, 1]).generate_state(1)[0])
+
+
+def verification_record(
+    seed: int, objective: float | None, value: float, tolerance: float = 1e-6
+) -> VerificationRecord:
+    """The record of a second search: the answer stands unless its best is better.
+
+    Args:
+        seed: of the second search.
+        objective: its best; None where it found nothing.
+        value: the answer's.
+        tolerance: by which a best may be larger and the answer stand.
+    """
+    stands = objective is None or objective <= value + tolerance
+    return VerificationRecord(seed=seed, objective=objective, stands=stands)
+
+
+def blocked_reason(outcome: SearchOutcome) -> tuple[str, bool]:
+    """Bodies that come too near in every posture, and by how much; and whether that is sure."""
+    reasons = "; ".join(each.reason for each in outcome.blocked)
+    return f"no posture keeps the clearance: {reasons}", any(b.sure for b in outcome.blocked)
+
+
+def unsolved_reason(model: PostureModel, outcome: SearchOutcome, tolerance: float) -> str:
+    """Reason of a search of which no local optimum is an answer.
+
+    Args:
+        model: what is built.
+        outcome: of the search.
+        tolerance: beyond which a constraint counts as violated.
+    """
+    if not outcome.failures:
+        return "no local optimum passed its own check of closure and objective"
+    units = {constraint.name: constraint.unit for constraint in model.program.constraints}
+    worst = [
+        f"{name} {violation:.1e} {units[name]}"
+        for name, violation in outcome.failures[0].violations.items()
+        if violation > tolerance
+    ]
+    return f"no local solve converged: {outcome.failures[0].status} {', '.join(worst)}".strip()
+
+
+def within_limits(
+    model: PostureModel, setting: Setting, outcome: SearchOutcome, seed: int
+) -> tuple[SearchOutcome, tuple[str, bool] | None]:
+    """A search that has something within torque limits, or the reason why nothing is.
+
+    Where few postures hold the object a sample may have none: climbs start from those that hold the
+    most then.
+
+    Returns:
+        The outcome; and where torque limits allow no posture of all that were compared, a sentence
+        and whether that is sure.
+    """
+    cell = setting.cell
+    if outcome.starts > 0 or model.capacity is None:
+        return outcome, None
+    if model.feasibility.judged:
+        most = heaviest(cell, seed)
+        q, sure = most.q, most.sure
+        few = combinations([sample.closed for sample in outcome.samples])
+        if len(few) and all(cell.spare(i) <= 0 for i in range(len(cell.arms))):
+            q, sure = few, True
+        held = model.held(setting, q) if len(q) else np.zeros(0, dtype=bool)
+        if not held.any():
+            return outcome, (most.reason, sure)
+        return climbed(model, setting, outcome, q[held]), None
+    kind = model.objective.kind
+    reason = (
+        f"the torque limits allow no {kind} as it is asked for in any posture found: they "
+        "leave no such motion of the object, all its other accelerations zero"
+    )
+    return outcome, (reason, all_judged(cell) or uncarried(setting))

@@ -1,0 +1,112 @@
+"""Effort of a search: how many postures, combinations and placements are tried, and its options."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal, TypeAlias
+
+from copose.posture.local.climb import ClimbOptions
+
+EffortName: TypeAlias = Literal["low", "normal", "high"]
+
+
+@dataclass(frozen=True)
+class CombinationOptions:
+    """Options of combining the arms' postures."""
+
+    differing: float = 0.3  # rad or m in some joint: starts that differ by less count as one
+    looked_through: int = 64  # combinations, per start, in which a differing one is looked for
+    plain_spare: int = 8  # degrees of freedom to spare, of all arms, up to which no start is saved
+    fewest_starts: int = 4  # climbed from, however many degrees of freedom are to spare
+    kinked_starts: int = 2  # times as many starts beside kinks, where gains differ more
+    judged_ends: int = 16  # best ends of which linear programs can judge all pairs
+    random: int = 64  # combinations drawn where bodies and the end of the call leave no other
+
+
+@dataclass(frozen=True)
+class PlacementOptions:
+    """Options of a search that moves the object, bases or grasps too."""
+
+    one: int = 32  # placements with one free coordinate, twice as many with each more
+    most: int = 128  # placements at most
+    climbed: int = 96  # postures that are climbed from with everything free
+    costly: int = 2  # times fewer of both where a climb takes many programs
+    glanced: int = 3  # climbs at each placement where each takes a program
+    insistence: int = 3  # times as many placements are drawn where hardly half let the arms close
+    few: float = 0.25  # share of placements with closed arms below which others are looked for
+    rounds: int = 4  # of searching anew where climbs ended
+    ends: int = 3  # best ends of several cases around which a round searches
+    around: int = 8  # placements drawn around the best end
+    near: float = 0.1  # of the ranges within which they are drawn
+    best_around: int = 2  # of them that are climbed from
+    of_each: int = 4  # starts of one placement; best postures of a case that are combined
+    multiplied: int = 4  # cases at most of which all combinations of the best are tried
+    differing: float = 0.3  # rad, m or share of a range: starts that differ by less count as one
+    same: float = 1e-3  # alike, of ends
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Effort of one search: how much is tried, and its options.
+
+    Attributes:
+        name: as results state it.
+        batch: random postures drawn at a time for an arm.
+        batches: of them, at most.
+        loops: postures kept of an arm with one degree of freedom to spare, at most.
+        surfaces: postures kept of an arm with more.
+        starts: random combinations that exchange improves where there are more than two arms.
+        polished: combinations that are polished.
+        rounds: of combining anew what was polished, at most.
+        blind: combinations drawn at random that are polished where an arm has more than one degree
+            of freedom to spare, for a sample tells little about what is near it there.
+        insistence: random postures of an arm that are drawn before it is said to miss its grasp.
+        measured: best results so far that are measured where a call has to end.
+        combining: options of combining the arms' postures.
+        climbing: options of local searches.
+        placing: options of moving the object, bases and grasps.
+    """
+
+    name: str
+    batch: int
+    batches: int
+    loops: int
+    surfaces: int
+    starts: int
+    polished: int
+    rounds: int
+    blind: int
+    insistence: int = 4096
+    measured: int = 4
+    combining: CombinationOptions = CombinationOptions()
+    climbing: ClimbOptions = field(default_factory=ClimbOptions)
+    placing: PlacementOptions = PlacementOptions()
+
+    def doubled(self) -> Effort:
+        """Twice as many samples, starts and rounds; batches are as large as before."""
+        return replace(
+            self,
+            batches=2 * self.batches,
+            loops=2 * self.loops,
+            surfaces=2 * self.surfaces,
+            starts=2 * self.starts,
+            polished=2 * self.polished,
+            rounds=2 * self.rounds,
+            blind=2 * self.blind,
+        )
+
+
+EFFORTS: dict[EffortName, Effort] = {
+    "low": Effort(
+        name="low", batch=64, batches=4, loops=120, surfaces=150, starts=32, polished=8, rounds=0,
+        blind=0, placing=PlacementOptions(one=8, most=32, climbed=24),
+    ),
+    "normal": Effort(
+        name="normal", batch=96, batches=8, loops=240, surfaces=300, starts=96, polished=24,
+        rounds=2, blind=16,
+    ),
+    "high": Effort(
+        name="high", batch=256, batches=16, loops=480, surfaces=1200, starts=384, polished=160,
+        rounds=6, blind=800, placing=PlacementOptions(one=64, most=512, climbed=512),
+    ),
+}  # fmt: skip

@@ -1,0 +1,68 @@
+"""Variants of a problem: displaced, one for each case, with nothing but joints free."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from copose.problem.fields import as_tuples
+from copose.problem.objectives import (
+    AccelerationObjective,
+    TaskCompatibilityObjective,
+    WeightedDirection,
+)
+from copose.problem.spec import Problem
+
+
+def displaced(problem: Problem, offsets: Mapping[str, float]) -> Problem:
+    """A problem with its object displaced by x, y, z, m, and roll, pitch, yaw, rad."""
+    if not offsets:
+        return problem
+    return changed(problem, {"object": problem.object.displaced(offsets)})
+
+
+def case_problems(problem: Problem) -> tuple[Problem, ...]:
+    """One problem for every case: its pose, its mass with inertia in proportion, its direction."""
+    found = []
+    for case in problem.cases:
+        thing, objective = problem.object, problem.objective
+        given = ("position", "angle" if problem.space.planar else "rpy")
+        update = {key: getattr(case, key) for key in given if getattr(case, key) is not None}
+        if case.mass is not None:
+            update["mass"] = case.mass
+            if thing.inertia is not None:
+                inertia = np.array(thing.inertia) * (case.mass / thing.mass)
+                update["inertia"] = as_tuples(inertia)
+        if case.direction is not None:
+            asked: dict[str, object] = {"direction": case.direction}
+            if isinstance(objective, TaskCompatibilityObjective):
+                asked = {"directions": (WeightedDirection(direction=case.direction),)}
+            elif isinstance(objective, AccelerationObjective):
+                asked["directions"] = None
+            objective = objective.model_copy(update=asked)
+        update = {"object": thing.model_copy(update=update), "objective": objective}
+        found.append(changed(problem, update))
+    return tuple(found)
+
+
+def held(problem: Problem, case: str = "") -> Problem:
+    """A problem, or one of its cases by name, with all but joints where the file has it."""
+    if problem.cases:
+        names = [each.name for each in problem.cases]
+        problem = case_problems(problem)[names.index(case)]
+    thing = problem.object
+    arms = (arm.model_copy(update={"freedom": type(arm.freedom)()}) for arm in problem.arms)
+    update: dict[str, object] = {
+        "cases": (),
+        "object": thing.model_copy(update={"freedom": type(thing.freedom)()}),
+        "arms": tuple(arms),
+    }
+    return changed(problem, update)
+
+
+def changed(problem: Problem, update: Mapping[str, object]) -> Problem:
+    """A problem of the same file with other tables."""
+    other = problem.model_copy(update=update)
+    other._source = problem.source
+    return other
