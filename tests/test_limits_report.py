@@ -17,12 +17,16 @@ import copose
 from cells import closed_postures, planar, two_pandas
 from copose.cell.cell import Cell
 from copose.problem import parse
-from copose.report import compare, comparison_table, picture, solution_table, style
+from copose.report import compare, comparison_table, picture, solution_table
 from copose.report.charts.exact_sets import SetPicture, draw_set, set_pictures
 from copose.report.geometry.hulls import Solid
 from copose.report.geometry.slices import angular_slice, linear_slice
+from copose.report.look import LOOK
+from copose.report.numbers import three
+from copose.report.panels import result_panels
 from copose.report.scene.forces import holding_arrows
 from copose.report.text.limits import limit_lines
+from copose.report.words import gain_words, objective_name, value_words
 from copose.results import (
     AccelerationRecord,
     EllipsoidRecord,
@@ -110,8 +114,8 @@ class TestWords:
     def test_gains(self, kind, unit, before, after, words) -> None:
         objective = ObjectiveRecord(kind=kind, unit=unit, before=before, after=after)
         solution = compared(known()).model_copy(update={"objective": objective})
-        assert style.gain_words(solution) == words
-        shown = row(said(solution), style.objective_name(solution))
+        assert gain_words(solution) == words
+        shown = row(said(solution), objective_name(solution))
         assert shown[1] == f"{after:.6f}"
         gain = " ".join(words.split()[-2:] if words.endswith("²") else words.split()[-1:])
         expected = words if unit in ("log", "1") else f"{unit}, {gain}" if words else unit
@@ -122,12 +126,12 @@ class TestWords:
         values = {"before": 0.0, "after": math.log(2)}
         objective = ObjectiveRecord(kind=f"{kind}-volume", unit="log", **values)
         flat = known("planar-linear").model_copy(update={"objective": objective})
-        assert style.gain_words(flat) == f"{kind} area ×2"
+        assert gain_words(flat) == f"{kind} area ×2"
 
     def test_no_value(self) -> None:
         objective = ObjectiveRecord(kind="all-round", unit="m/s²", before=None, after=None)
         solution = known().model_copy(update={"objective": objective})
-        assert style.value_words(solution, solution.after) == "no acceleration all round"
+        assert value_words(solution, solution.after) == "no acceleration all round"
         assert row(said(solution), "acceleration all round")[0] == "–"
 
     @pytest.mark.parametrize(
@@ -146,7 +150,7 @@ class TestWords:
         solution = evaluated(limited("spatial", objective=objective))
         value = solution.objective.after
         assert row(said(solution), name) == [f"{value:.6f}", unit]
-        words = style.value_words(solution, solution.after)
+        words = value_words(solution, solution.after)
         assert words == f"{name} {value:.4g} {unit}".rstrip()
         assert said(solution).count("the most that can be held") == (name != "payload")
         assert said(solution).count("residual radius") == {"acceleration all round": 0}.get(name, 2)
@@ -161,7 +165,7 @@ class TestWords:
         ],
     )  # fmt: skip
     def test_three_digits(self, value, words) -> None:
-        assert style.three(value) == words
+        assert three(value) == words
 
 
 class TestTables:
@@ -171,10 +175,10 @@ class TestTables:
         solution = known()
         text, after = said(solution), solution.after
         assert row(text, "payload") == [
-            style.three(after.payload), "kg, the most that can be held",
+            three(after.payload), "kg, the most that can be held",
         ]  # fmt: skip
         for kind, unit in (("linear", "m/s²"), ("angular", "rad/s²")):
-            radius = style.three(after.exact_sets[kind].residual_radius)
+            radius = three(after.exact_sets[kind].residual_radius)
             expected = [radius, f"{unit}, all round from rest"]
             assert row(text, f"residual radius, {kind}") == expected
         largest = 100 * max(map(max, after.static_torque.values()))
@@ -183,7 +187,7 @@ class TestTables:
     def test_before_and_after(self) -> None:
         before = known().after.model_copy(update={"payload": 3.0, "static_torque": None})
         text = said(compared(known(), before))
-        assert row(text, "payload")[:2] == ["3.00", style.three(known().after.payload)]
+        assert row(text, "payload")[:2] == ["3.00", three(known().after.payload)]
         assert "largest holding torque" in text and "; before" not in text
         assert re.search("┃ +before ┃ +after ┃", text)
         assert "contact wrenches after" in text
@@ -285,7 +289,7 @@ class TestTables:
         solution = known()
         text, told = said(solution), solution.after.joint_accelerations
         largest = {
-            name: style.three(max(abs(x) for part in by_arm.values() for x in part))
+            name: three(max(abs(x) for part in by_arm.values() for x in part))
             for name, by_arm in told.items()
         }
         pair = f"{largest['acceleration +z']} / {largest['acceleration −z']}"
@@ -305,14 +309,14 @@ class TestTables:
             for cell, arm in zip(rows(text, name)[-1], ("left", "right"), strict=True):
                 record = after.wrenches[name][arm]
                 parts = (record.wrench[:3], record.wrench[3:], record.internal[:3])
-                sizes = [style.three(float(np.linalg.norm(part))) for part in parts]
+                sizes = [three(float(np.linalg.norm(part))) for part in parts]
                 assert re.split(r"\s*/\s*", cell) == sizes
         assert "acceleration +x" not in text
         assert f"of {len(after.wrenches) - 2} more: in result.json" in text
         flat = said(known("planar-linear"))
         assert "in result.json" not in flat and "moment /" not in flat
         force = known("planar-linear").after.wrenches["acceleration −y"]["a1"].wrench
-        assert row(flat, "acceleration −y")[0].startswith(style.three(math.hypot(*force)))
+        assert row(flat, "acceleration −y")[0].startswith(three(math.hypot(*force)))
 
     def test_the_objectives_extremes_are_spelt_out(self) -> None:
         wrench = WrenchRecord(wrench=(3.0, 4.0, 0, 0, 0, 2.0), internal=(0,) * 6)
@@ -341,10 +345,10 @@ class TestTables:
         text, axes = said(solution), solution.problem.axes
         for name, record in solution.after.companions.items():
             if name == "internal force":
-                assert row(text, name)[0].split() == list(map(style.three, record.radii))
+                assert row(text, name)[0].split() == list(map(three, record.radii))
                 continue
             parts = (linear_slice(record, axes), angular_slice(record, axes))
-            radii = [list(map(style.three, part.ellipsoid.radii)) for part in parts]
+            radii = [list(map(three, part.ellipsoid.radii)) for part in parts]
             assert [cell.split() for cell in row(text, name)] == radii
         for head in ("velocities per unit joint speed", f"forces {torque}"):
             assert head in text
@@ -356,7 +360,7 @@ class TestTables:
         console = Console(width=100, file=io.StringIO())
         console.print(comparison_table(compare(known(), other)))
         text = console.file.getvalue()
-        values = [f"{style.three(each.after.payload)} kg" for each in (known(), other)]
+        values = [f"{three(each.after.payload)} kg" for each in (known(), other)]
         assert row(text, "payload") == values
         assert row(text, "residual radius, angular")[1] == "–"
 
@@ -416,7 +420,7 @@ class TestPictures:
         (record,) = solution.after.exact_sets.values()
         text = picture(solution, "svg").decode()
         for words in (
-            f"ball of radius {style.three(record.residual_radius)} around rest",
+            f"ball of radius {three(record.residual_radius)} around rest",
             "exact set of linear accelerations, m/s²", "x, m/s²", "centre: zero torque",
             "joint torque that holds the object, % of its limit", "contact forces holding it",
         ):  # fmt: skip
@@ -431,7 +435,7 @@ class TestPictures:
         drawn = picture(changed(solution, static_torque=shares), "svg").decode()
         (style_of,) = re.findall(r'<text style="([^"]*)"[^>]*>130\.0<', drawn)
         (plain,) = re.findall(r'<text style="([^"]*)"[^>]*>50\.0<', drawn)
-        assert style.OVER.lower() in style_of and style.OVER.lower() not in plain
+        assert LOOK.over.lower() in style_of and LOOK.over.lower() not in plain
 
     @pytest.mark.parametrize("space", ["spatial", "planar"])
     def test_sets_that_are_empty_flat_or_without_rest(self, space: str) -> None:
@@ -481,12 +485,12 @@ class TestParts:
         for (tail, head), force, arm in zip(arrows, forces, posture.arms.values(), strict=True):
             assert np.allclose(head, arm.grasp[:d])
             assert np.allclose(head - tail, 0.32 * force / largest)
-        assert words.endswith(f"up to {style.three(largest)} N")
+        assert words.endswith(f"up to {three(largest)} N")
         assert holding_arrows(posture.model_copy(update={"wrenches": None}), 2.0) == ([], "")
 
     @pytest.mark.parametrize("space", ["spatial-linear", "planar-linear"])
     def test_ball_rest_and_centre(self, space: str) -> None:
-        (shown,) = set_pictures(style.panels(known(space)))
+        (shown,) = set_pictures(result_panels(known(space)))
         figure = Figure()
         draw_set(figure, figure.add_gridspec(1, 1)[0, 0], shown, columns=2)
         (ax,) = figure.axes

@@ -24,7 +24,7 @@ from browser import Chromium, View
 from copose.live.page import Page
 from copose.live.scene.gizmos import Gizmo
 from copose.poses import Pose
-from copose.report import style
+from copose.report.look import LOOK
 from copose.viewer.nodes.colors import rgb
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
@@ -229,11 +229,11 @@ def test_a_drag_moves_the_arms(hand: Hand) -> None:
 
 def test_beyond_reach_is_told_and_undone(hand: Hand) -> None:
     value = hand.text("now")
-    assert hand.color() == rgb(style.OBJECT)
+    assert hand.color() == rgb(LOOK.held_object)
     hand.drag(0.0, 1.5)
     told = r"infeasible: arm 'a1' cannot reach its grasp: the nearest its tip comes is [\d.]+ m;"
     hand.view.eventually(lambda: re.match(told, hand.text("message")) is not None)
-    hand.view.eventually(lambda: hand.color() == rgb(style.OVER))
+    hand.view.eventually(lambda: hand.color() == rgb(LOOK.over))
     check_arms(hand)
     kept, place = hand.page.state.solution, hand.page.state.problem.object.pose
     far = Pose.make([0.5, 3.0, 0.0], place.rotation, place.quaternion)
@@ -246,7 +246,7 @@ def test_beyond_reach_is_told_and_undone(hand: Hand) -> None:
     hand.press("Undo")
     hand.until("message", "the best that a search finds here")
     assert hand.text("now") == value
-    hand.view.eventually(lambda: hand.color() == rgb(style.OBJECT))
+    hand.view.eventually(lambda: hand.color() == rgb(LOOK.held_object))
 
 
 def test_the_objective_is_chosen_in_the_list(hand: Hand) -> None:

@@ -29,20 +29,23 @@ from copose.commands.command_line import main
 from copose.poses import Pose
 from copose.posture import Planner, evaluate
 from copose.problem import parse
-from copose.report import compare, comparison_table, draw_comparison, picture, solution_table, style
+from copose.report import compare, comparison_table, draw_comparison, picture, solution_table
 from copose.report.figures.cases import cases_figure
-from copose.report.figures.moves import moved_words
 from copose.report.figures.planar import planar_figure
 from copose.report.figures.spatial import spatial_figure
+from copose.report.figures.titles import moved_words
 from copose.report.geometry.camera import best_view
 from copose.report.geometry.free_ranges import ranges
 from copose.report.geometry.link_bodies import LinkBodies, LinkBody
 from copose.report.geometry.obstacles import bodies
 from copose.report.geometry.shapes import cut
 from copose.report.geometry.view import View
-from copose.report.rows import case_rows
+from copose.report.look import LOOK
+from copose.report.numbers import three
+from copose.report.panels import NOWHERE, case_rows
+from copose.report.panels import result_panels as panels
 from copose.report.scene import polygons
-from copose.report.style import panels
+from copose.report.words import result_heading
 from copose.results import (
     CasePosture,
     CollisionRecord,
@@ -266,7 +269,7 @@ class TestTables:
         # All gain 0.25, so does their mean.
         assert total[2] == "Σ weight · objective, ×1.28 on average"
         words = "volume ×1.28 on weighted average over 3 cases"
-        assert style.heading(solution) == f"two-panda-box: {words}"
+        assert result_heading(solution) == f"two-panda-box: {words}"
         joints = [f"{q:.4f}" for q in solution.cases[2].joints["right"]]
         shown = [line.split("│") for line in text.splitlines() if re.match(r"  \d +│", line)]
         assert [cells[3].strip() for cells in shown[7:14]] == joints
@@ -329,9 +332,9 @@ class TestRanges:
         figure = spatial_figure(panels(placed()), "")
         scenes = [ax for ax in figure.axes if ax.name == "3d"]
         assert len(scenes) == 2
-        blue, green = style.ARMS[:2]
+        blue, green = LOOK.arms[:2]
         for ax, posture in zip(scenes, (placed().before, placed().after), strict=True):
-            box = edges(ax, style.INK)
+            box = edges(ax, LOOK.ink)
             assert rounded(box) == corners(np.array([0.4, 0, 0.4]), np.array([0.6, 0, 0.7]))
             assert len(box) == 4
             base = edges(ax, green)
@@ -346,16 +349,16 @@ class TestRanges:
     def test_in_the_plane(self) -> None:
         figure = planar_figure(panels(flat()), "")
         for ax, posture in zip(figure.axes, (flat().before, flat().after), strict=True):
-            box = edges(ax, style.INK)
+            box = edges(ax, LOOK.ink)
             assert len(box) == 4
             assert rounded(box) == corners(np.array([0.35, 0.4]), np.array([0.55, 0.6]))
-            base, grasp = edges(ax, style.ARMS[0])
+            base, grasp = edges(ax, LOOK.arms[0])
             assert np.allclose(base, [[-0.2, 0], [0.2, 0]])
             a = posture.object.angle
             R = np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]])
             local = (grasp - posture.object.position) @ R
             assert np.allclose(local, [[-0.15, -0.05], [-0.15, 0.05]])
-            assert not len(edges(ax, style.ARMS[1]))
+            assert not len(edges(ax, LOOK.arms[1]))
             assert ax.get_aspect() == 1
 
     def test_a_box_has_twelve_edges(self) -> None:
@@ -646,15 +649,15 @@ class TestPictures:
         scene = next(ax for ax in figure.axes if ax.name == "3d")
         title = scene.get_title(loc="left").splitlines()
         assert title[0].startswith("after: log-volume")
-        assert title[1:] == ["nearest: 0.0123 m, left/link5 – table", style.NOWHERE]
+        assert title[1:] == ["nearest: 0.0123 m, left/link5 – table", NOWHERE]
         alone = flat().model_copy(update={"before": None})
         title = planar_figure(panels(alone), "").axes[0].get_title(loc="left")
-        assert title.splitlines()[-1] == style.NOWHERE
+        assert title.splitlines()[-1] == NOWHERE
 
     def test_titles_have_room(self) -> None:
         """No scene's title reaches the picture's heading."""
         for solution in (fully(flat()), fully(flat()).model_copy(update={"before": None})):
-            with rc_context(style.RC):
+            with rc_context(LOOK.settings):
                 figure = planar_figure(panels(solution), "heading")
                 figure.draw_without_rendering()
             heading = figure._suptitle.get_window_extent()
@@ -662,7 +665,7 @@ class TestPictures:
                 assert not heading.overlaps(ax._left_title.get_window_extent())
 
     def drawn(self, solution: Solution) -> tuple[Figure, list[object]]:
-        figure = cases_figure(case_rows(solution), style.heading(solution))
+        figure = cases_figure(case_rows(solution), result_heading(solution))
         return figure, figure.axes
 
     @pytest.mark.parametrize("planar", [False, True])
@@ -678,7 +681,7 @@ class TestPictures:
             weight = f", weight {case.weight:g}" if k % shown else ""
             title = ax.get_title(loc="left").splitlines()
             assert title[0] == f"{case.name}{weight}"
-            assert title[2] == f"nearest: {style.three(case.collision.distance)} m, " + (
+            assert title[2] == f"nearest: {three(case.collision.distance)} m, " + (
                 "left/link5 – table"
             )
         left = [round(ax.get_position().x0, 9) for ax in axes]
@@ -688,11 +691,11 @@ class TestPictures:
         assert heading.endswith("(the first 4 of 6 cases)") == (count == 6)
         rows = [text.get_text() for text in figure.texts if "Σ" in text.get_text()]
         assert [words.split(":")[0] for words in rows] == ["before", "after"]
-        assert rows[1].endswith(f"= {style.three(solution.objective.after)}")
+        assert rows[1].endswith(f"= {three(solution.objective.after)}")
         assert picture(solution, "png")
 
     def test_cases_do_not_overlap(self) -> None:
-        with rc_context(style.RC):
+        with rc_context(LOOK.settings):
             figure, axes = self.drawn(fully(in_cases(4, planar=True)))
             figure.draw_without_rendering()
         boxes = [ax.get_tightbbox() for ax in axes]
@@ -708,7 +711,7 @@ class TestPictures:
         figure, axes = self.drawn(solution)
         assert len(axes) == 3
         (words,) = [t.get_text() for t in figure.texts if t.get_text().startswith("after: ")]
-        assert words.endswith(f"; {style.NOWHERE}")
+        assert words.endswith(f"; {NOWHERE}")
         assert picture(solution, "png")
 
     def test_given_cases(self) -> None:

@@ -9,7 +9,7 @@ from copose.collision.carriers import (
     joint_columns,
 )
 from copose.collision.distance.bodies import Bodies
-from copose.collision.distance.placed_parts import Places
+from copose.collision.distance.placed_parts import PartPoses
 from copose.collision.distance.witnesses import Nearest, Witness
 from copose.collision.scene import Scene, link_looks, link_solids, primitive_of
 from copose.collision.shapes.mesh_files import MeshFile, UnreadableError
@@ -27,8 +27,8 @@ __all__ = [
     "Nearest",
     "Outline",
     "Part",
+    "PartPoses",
     "Placements",
-    "Places",
     "Primitive",
     "Scene",
     "Solid",

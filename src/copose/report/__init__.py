@@ -1,6 +1,6 @@
 """Tables and figures of results."""
 
-from copose.report.comparison import Comparison, compare, comparison_table
+from copose.report.comparison import Comparison, compare
 from copose.report.figures.files import (
     check_format,
     draw,
@@ -12,8 +12,10 @@ from copose.report.figures.files import (
     saved,
     starts_figure,
 )
+from copose.report.text.comparison import comparison_table
 from copose.report.text.motion import motion_table
-from copose.report.text.solution import chains, guesses, solution_table
+from copose.report.text.solution import solution_table
+from copose.report.text.start import chains, guesses
 
 __all__ = [
     "Comparison",

@@ -1,4 +1,4 @@
-"""The joints of a motion as curves: where each is within its limits."""
+"""The joints of a motion as curves between their limits."""
 
 from __future__ import annotations
 
@@ -49,19 +49,24 @@ class JointCurves:
 
     @property
     def furthest(self) -> float:
-        """How far from 0 a drawing has to reach that shows the curves and their limits."""
+        """The reach from 0 of a drawing that shows the curves and their limits."""
         return max(1.12, 1.05 * float(np.abs(self.values).max()))
 
     @property
     def unit(self) -> str:
-        """What the numbers are."""
+        """The unit of the values."""
         if not self.limited:
             return "rad or m"
         return "share of range" + ("" if all(self.bounded) else "; dashed: turns")
 
 
 def spread(wanted: Array, apart: float) -> Array:
-    """The increasing numbers nearest to those wanted that are so far apart, Σ (x − w)² → min."""
+    """The numbers at least some distance apart that are nearest to given ones, Σ (x − w)² → min.
+
+    Args:
+        wanted: the given numbers w, increasing, (n,).
+        apart: the distance.
+    """
     offsets = apart * np.arange(len(wanted))
     # Without the distances it is a regression that only may rise: merge what falls.
     groups: list[list[float]] = []
@@ -75,10 +80,12 @@ def spread(wanted: Array, apart: float) -> Array:
 
 
 def _bounded(record: JointRecord) -> bool:
+    """Whether a joint has both limits, and room between them."""
     return record.lower is not None and record.upper is not None and record.upper > record.lower
 
 
 def _range_share(q: Array, record: JointRecord) -> Array:
+    """Positions from −1 at the lower to 1 at the upper limit."""
     assert record.lower is not None and record.upper is not None
     middle, half = (record.upper + record.lower) / 2, (record.upper - record.lower) / 2
     return np.asarray((q - middle) / half)

@@ -1,4 +1,4 @@
-"""How much of their limits the joints of a motion use."""
+"""Shares of their limits that the joints of a motion use."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from copose.results import Knot, Motion
 
 
 @dataclass(frozen=True, eq=False)
-class Shares:
-    """Of one kind of limit.
+class LimitShare:
+    """The largest share of one kind of limit that joints use, along time.
 
     Attributes:
         kind: speed, acceleration or torque.
         time: s, (k,).
         values: the largest over the joints, NaN where it is unknown, (k,).
-        joints: whose that is, ``arm/joint``.
+        joints: the joints that use it, ``arm/joint``.
     """
 
     kind: str
@@ -28,13 +28,13 @@ class Shares:
 
     @property
     def largest(self) -> tuple[float, str, float]:
-        """Share, joint and time."""
+        """The largest share of all, its joint and its time."""
         k = int(np.nanargmax(self.values))
         return float(self.values[k]), self.joints[k], float(self.time[k])
 
 
-def limit_shares(motion: Motion) -> list[Shares]:
-    """Of every kind of limit that a joint has, where the motion says what it takes."""
+def limit_shares(motion: Motion) -> list[LimitShare]:
+    """Shares of every kind of limit that a joint has, where the motion states what it uses."""
     assert motion.time is not None and motion.knots is not None
     time, knots = np.array(motion.time), motion.knots
     speeds = _rows(motion, [knot.velocity for knot in knots])
@@ -43,36 +43,38 @@ def limit_shares(motion: Motion) -> list[Shares]:
     between = np.diff(positions, axis=0) / np.diff(time)[:, None]
     halfway = (time[:-1] + time[1:]) / 2
     order = np.argsort(np.concatenate([time, halfway]))
-    found = {
+    used = {
         "speed": (np.concatenate([time, halfway])[order], np.vstack([speeds, between])[order]),
         "acceleration": (time, _rows(motion, [knot.acceleration for knot in knots])),
         "torque": (time, _rows(motion, [_torque(motion, knot) for knot in knots])),
     }
-    names = [f"{arm}/{joint}" for arm, mine in motion.joint_names.items() for joint in mine]
+    names = [f"{arm}/{joint}" for arm, joints in motion.joint_names.items() for joint in joints]
     shares = []
-    for kind, (when, values) in found.items():
-        each = np.abs(values) / _limits(motion, "velocity" if kind == "speed" else kind)
+    for kind, (when, values) in used.items():
+        share = np.abs(values) / _limits(motion, "velocity" if kind == "speed" else kind)
         # A comparison with NaN is false: unknown numbers are never the largest.
-        known = np.where(np.isfinite(each), each, -1.0)
+        known = np.where(np.isfinite(share), share, -1.0)
         worst = known.argmax(axis=1)
         largest = known[np.arange(len(known)), worst]
         if (largest >= 0).any():
             largest = np.where(largest >= 0, largest, np.nan)
-            shares.append(Shares(kind, when, largest, tuple(names[i] for i in worst)))
+            shares.append(LimitShare(kind, when, largest, tuple(names[i] for i in worst)))
     return shares
 
 
 def _limits(motion: Motion, kind: str) -> Array:
-    """Of all joints, NaN where there is none that lets them move, (N,)."""
+    """Limits of all joints, NaN where there is none that lets them move, (N,)."""
     records = [record for arm in motion.joint_names for record in motion.limits[arm]]
     limits = np.array([getattr(record, kind) for record in records], dtype=float)
     return np.where(limits > 0, limits, np.nan)
 
 
 def _rows(motion: Motion, parts: list[dict[str, tuple[float, ...]]]) -> Array:
+    """Numbers by arm at some times as rows of all joints."""
     return np.array([[x for arm in motion.joint_names for x in part[arm]] for part in parts])
 
 
 def _torque(motion: Motion, knot: Knot) -> dict[str, tuple[float, ...]]:
+    """Torques at a knot, NaN where it does not state them."""
     missing = {arm: (np.nan,) * len(joints) for arm, joints in motion.joint_names.items()}
     return missing if knot.torque is None else knot.torque

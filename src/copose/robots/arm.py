@@ -39,7 +39,7 @@ class Body:
         return Body(mass, frozen_array(com), frozen_array(inertia))
 
 
-def motion(kind: str, axis: Array, position: float) -> Pose:
+def joint_motion(kind: str, axis: Array, position: float) -> Pose:
     """The motion of a joint at a position, along its unit axis, m, or about it, rad."""
     if kind == "prismatic":
         return Pose.from_rpy(axis * position)
@@ -79,7 +79,7 @@ class Joint:
 
     def at(self, position: float) -> Pose:
         """T_before_joint at a position, rad or m."""
-        return self.placement @ motion(self.kind, self.axis, position)
+        return self.placement @ joint_motion(self.kind, self.axis, position)
 
 
 @dataclass(frozen=True)

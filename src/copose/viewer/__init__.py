@@ -1,8 +1,8 @@
 """A cell in three dimensions: looks of robots, ellipsoids and the object in a viser scene."""
 
 from copose.viewer.camera import Camera
-from copose.viewer.html import page_html
 from copose.viewer.looks import Look, link_looks
+from copose.viewer.result_page import page_html
 from copose.viewer.scene import CellScene
 from copose.viewer.server import quiet_server, stop
 

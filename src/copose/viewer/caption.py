@@ -6,7 +6,10 @@ import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from copose.report import style
+from copose.report.axes import semi_axis_units
+from copose.report.look import LOOK, arm_colors
+from copose.report.numbers import round_scale
+from copose.report.words import gain_words, has_before, objective_name, short, value_words
 from copose.results import Motion, Posture, Solution
 from copose.viewer.nodes.ellipsoids import Slices
 
@@ -50,29 +53,27 @@ def caption_html(
     words = _value(result, shown)
     if words:
         lines.append(f"<div>{html.escape(words)}</div>")
-    lines += [
-        look.entry(color, f"arm {name}") for name, color in style.arm_colors(shown[0]).items()
-    ]
-    units = dict(zip(("linear", "angular"), style.units(result), strict=True))
+    lines += [look.entry(color, f"arm {name}") for name, color in arm_colors(shown[0]).items()]
+    units = dict(zip(("linear", "angular"), semi_axis_units(result), strict=True))
     for kind, scale in slices.scales.items():
-        value = style.round_scale(0.2 / scale)
+        value = round_scale(0.2 / scale)
         size = f"{value * scale:.2g} m drawn = {value:g} {units[kind]}"
         lines.append(look.entry(slices.look.colors[kind], f"{kind} accelerations, {size}"))
-    if isinstance(result, Motion) or style.compared(result):
-        lines.append(look.entry(style.BEFORE, "where it begins" if moves else "before"))
+    if isinstance(result, Motion) or has_before(result):
+        lines.append(look.entry(LOOK.before, "where it begins" if moves else "before"))
     place = look.block.format(look.playing if moves else look.still)
     return f'<div id="copose-caption" style="{place}">{"".join(lines)}</div>'
 
 
 def _title(result: Solution | Motion) -> str:
-    return html.escape(style.short(result.problem.name, 60))
+    return html.escape(short(result.problem.name, 60))
 
 
 def _value(result: Solution | Motion, shown: Sequence[Posture]) -> str:
     """The objective's value and its gain."""
     if isinstance(result, Motion):
         seconds = result.time[-1] - result.time[0] if result.time else 0.0
-        return f"{style.objective_name(result)} along the path, {seconds:.3g} s"
-    words = style.value_words(result, shown[0])
-    gain = style.gain_words(result)
+        return f"{objective_name(result)} along the path, {seconds:.3g} s"
+    words = value_words(result, shown[0])
+    gain = gain_words(result)
     return f"{words}; {gain}" if gain else words

@@ -10,7 +10,7 @@ import numpy as np
 from copose.collision import primitive_of
 from copose.poses import Array, Pose
 from copose.problem import Problem
-from copose.report import style
+from copose.report.look import LOOK
 from copose.results import Posture
 from copose.robots import Arm
 from copose.viewer.camera import Camera, first_camera
@@ -155,7 +155,7 @@ class CellScene:
         self._scene.add_line_segments(
             node("path"),
             np.stack([points[:-1], points[1:]], axis=1),
-            rgb(style.INK),
+            rgb(LOOK.ink),
             thickness=1.5,
             thickness_units="screen",
         )
@@ -163,7 +163,7 @@ class CellScene:
     def mark_object(self, unreachable: bool) -> None:
         """Colour the object red where the arms do not reach it, else as it is."""
         if self._shape is not None:
-            self._shape.color = rgb(style.OVER if unreachable else style.OBJECT)
+            self._shape.color = rgb(LOOK.over if unreachable else LOOK.held_object)
 
     def place_object(self, pose: Pose) -> None:
         """Move the object to where it is asked to be, which the arms may not reach.

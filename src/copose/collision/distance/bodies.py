@@ -13,7 +13,7 @@ from copose.collision.distance.arm_combinations import ArmCombinations
 from copose.collision.distance.clearance_test import ClearanceTest, ClearanceTestOptions
 from copose.collision.distance.paired_solids import PairedSolids
 from copose.collision.distance.part_distances import PartDistances
-from copose.collision.distance.placed_parts import PlacedPart, Places
+from copose.collision.distance.placed_parts import PartPoses, PlacedPart
 from copose.collision.distance.round_solids import RoundSolids
 from copose.collision.distance.witnesses import Nearest, Witness
 from copose.collision.shapes.solids import Solid
@@ -89,7 +89,7 @@ class Bodies(PairedSolids):
         """Distances of the convex hulls of some pairs, never larger than the bodies'; below zero
         how deep they overlap, m, (k,). What is farther than ``most`` has the bound by balls.
         """
-        distances, places = self.bounds(where, pairs), Places(where)
+        distances, places = self.bounds(where, pairs), PartPoses(where)
         for k in np.flatnonzero(distances < most):
             distances[k] = self._hull_distance(pairs[k], places)
         return distances
@@ -98,7 +98,7 @@ class Bodies(PairedSolids):
         """Distances of the bodies of some pairs, m, (k,); where they overlap −(the depth of their
         hulls).
         """
-        places = Places(where)
+        places = PartPoses(where)
         return np.array([self._distance(pair, places) for pair in pairs])
 
     def nearest(self, x: Array, pairs: Indices | None = None) -> Nearest | None:
@@ -110,7 +110,7 @@ class Bodies(PairedSolids):
         """
         chosen = self.every if pairs is None else pairs
         where = self.placed(x[None])[0]
-        places = Places(where)
+        places = PartPoses(where)
         measures = (self._hull_distance, self._distance)
         bounds = zip(self.bounds(where, chosen).tolist(), chosen.tolist(), strict=True)
         known = [(bound, 0, pair) for bound, pair in bounds]
@@ -130,11 +130,11 @@ class Bodies(PairedSolids):
         hit = next((k for k in near if self.distances(where, np.array([k]))[0] <= 0), None)
         return None if hit is None else self.names(int(hit))
 
-    def _hull_distance(self, pair: int, places: Places) -> float:
+    def _hull_distance(self, pair: int, places: PartPoses) -> float:
         """Smallest distance of the hulls of two solids' parts, m."""
         return min(self._distances.hull_distance(*both, places) for both in self.parts_of(pair))
 
-    def _distance(self, pair: int, places: Places) -> float:
+    def _distance(self, pair: int, places: PartPoses) -> float:
         """Smallest distance of two solids' parts, m."""
         return min(self._distances.gap(*both, places).distance for both in self.parts_of(pair))
 
@@ -169,7 +169,7 @@ class Bodies(PairedSolids):
         self, where: Placements, within: float, pairs: Indices, roughly: bool
     ) -> list[Witness]:
         """The witnesses of the parts of some pairs that are nearer than a distance, m."""
-        places, witnesses, parts = Places(where), list[Witness](), self._distances
+        places, witnesses, parts = PartPoses(where), list[Witness](), self._distances
         for pair in pairs:
             for one, other in self.parts_of(pair):
                 if not parts.hulls_within(one, other, within, places):
@@ -205,14 +205,14 @@ class Bodies(PairedSolids):
         """All tested pairs of parts."""
         return [both for pair in self.every for both in self.parts_of(pair)]
 
-    def hull_gap(self, places: Places, k: int) -> tuple[float, Array]:
+    def hull_gap(self, places: PartPoses, k: int) -> tuple[float, Array]:
         """Distance of the hulls of two parts, m, by their number in ``parts``, and its direction,
         (3,).
         """
         gap = self._distances.hull_gap(*self._part_pairs[k], places)
         return gap.distance, gap.normal
 
-    def gap(self, places: Places, k: int) -> float:
+    def gap(self, places: PartPoses, k: int) -> float:
         """Distance of two parts themselves, m, by their number in ``parts``."""
         return self._distances.gap(*self._part_pairs[k], places).distance
 

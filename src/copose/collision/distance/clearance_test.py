@@ -10,7 +10,7 @@ import numpy as np
 from copose.collision.carriers import Placements
 from copose.collision.distance.paired_solids import PairedSolids
 from copose.collision.distance.part_distances import PartDistances
-from copose.collision.distance.placed_parts import Places
+from copose.collision.distance.placed_parts import PartPoses
 from copose.collision.distance.round_solids import RoundSolids
 from copose.poses import Array, Indices, Mask
 from copose.progress import heed
@@ -147,7 +147,7 @@ class ClearanceTest:
         """True where the solids of some pairs keep the clearance, those with the nearest hulls
         tested first.
         """
-        places, left = Places(where), []
+        places, left = PartPoses(where), []
         for pair in pairs[self._solids.bounds(where, pairs) < self.clearance]:
             for one, other in self._solids.parts_of(pair):
                 gap = self._parts.hull_distance(one, other, places)
@@ -161,7 +161,7 @@ class ClearanceTest:
 
     def _enclosing(self, where: Placements, pairs: Indices) -> bool:
         """True where a body encloses the other in any of some pairs, whose surfaces are apart."""
-        places = Places(where)
+        places = PartPoses(where)
         return any(
             self._parts.enclosed(one, other, places)
             for pair in pairs[self._solids.bounds(where, pairs) <= 0]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from copose.collision.distance.placed_parts import PlacedPart, Places
+from copose.collision.distance.placed_parts import PartPoses, PlacedPart
 from copose.poses import Array
 
 
@@ -53,18 +53,18 @@ class PartDistances:
     clearance: float
     options: DistanceOptions = DistanceOptions()
 
-    def hull_distance(self, one: PlacedPart, other: PlacedPart, places: Places) -> float:
+    def hull_distance(self, one: PlacedPart, other: PlacedPart, places: PartPoses) -> float:
         """Distance of the convex hulls of two parts, m; below zero how deep they overlap."""
         return self._measured(one.shape.bound, other.shape.bound, places(one), places(other))[0]
 
-    def hull_gap(self, one: PlacedPart, other: PlacedPart, places: Places) -> PartGap:
+    def hull_gap(self, one: PlacedPart, other: PlacedPart, places: PartPoses) -> PartGap:
         """Distance of the convex hulls of two parts, its points and normal."""
         distance, result = self._measured(
             one.shape.bound, other.shape.bound, places(one), places(other)
         )
         return PartGap(distance, *_points(result), result.normal)
 
-    def gap(self, one: PlacedPart, other: PlacedPart, places: Places) -> PartGap:
+    def gap(self, one: PlacedPart, other: PlacedPart, places: PartPoses) -> PartGap:
         """Distance of two parts, its points and normal.
 
         A mesh is only a surface to coal, which tells no depth where two surfaces cross; hulls do.
@@ -80,19 +80,18 @@ class PartDistances:
         gap = self.hull_gap(one, other, places)
         return gap._replace(distance=min(gap.distance, 0.0))
 
-    def hulls_within(self, one: PlacedPart, other: PlacedPart, most: float, places: Places) -> bool:
+    def hulls_within(
+        self, one: PlacedPart, other: PlacedPart, most: float, places: PartPoses
+    ) -> bool:
         """True where the hulls of two parts are nearer than a distance, m, to coal's accuracy."""
         import coal
 
-        request = coal.CollisionRequest()
-        request.enable_contact = False
-        request.gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
-        request.security_margin = most + self.options.tolerances[1]
-        functor = coal.ComputeCollision(one.shape.bound, other.shape.bound)
-        return bool(functor(places(one), places(other), request, coal.CollisionResult()) > 0)
+        request, result = _request(most + self.options.tolerances[1]), coal.CollisionResult()
+        a, b = one.shape.bound, other.shape.bound
+        return bool(coal.collide(a, places(one), b, places(other), request, result) > 0)
 
     def keep_clear(
-        self, one: PlacedPart, other: PlacedPart, hull_gap: float, places: Places
+        self, one: PlacedPart, other: PlacedPart, hull_gap: float, places: PartPoses
     ) -> bool:
         """True where two parts keep the clearance, whose hulls are nearer: ``hull_gap``, m."""
         import coal
@@ -102,7 +101,7 @@ class PartDistances:
         near = functor(places(one), places(other), self._margin, result) > 0
         return not near and not (hull_gap <= 0 and self.enclosed(one, other, places))
 
-    def enclosed(self, one: PlacedPart, other: PlacedPart, places: Places) -> bool:
+    def enclosed(self, one: PlacedPart, other: PlacedPart, places: PartPoses) -> bool:
         """True where a mesh encloses the other of two parts, whose surfaces do not cross."""
         for outer, inner in ((one, other), (other, one)):
             if outer.shape.hollow:
@@ -146,6 +145,17 @@ class PartDistances:
         request.security_margin, request.enable_contact = self.clearance, False
         request.gjk_tolerance = request.epa_tolerance = self.options.tolerances[0]
         return request
+
+
+@lru_cache(maxsize=16)
+def _request(margin: float) -> Any:
+    """A request for whether shapes are nearer than a margin, m."""
+    import coal
+
+    request = coal.CollisionRequest()
+    request.security_margin, request.enable_contact = margin, False
+    request.gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
+    return request
 
 
 def _points(result: Any) -> tuple[Array, Array]:

@@ -42,7 +42,7 @@ class PlacedPart:
         return R @ self.pose.rotation, R @ self.pose.position + where.positions[self.carrier]
 
 
-class Places:
+class PartPoses:
     """The placements of parts in one configuration, as coal takes them.
 
     Attributes:

@@ -15,7 +15,7 @@ from copose.collision.shapes.primitives import Primitive
 from copose.collision.shapes.solids import Part
 from copose.errors import InputError, shown
 from copose.robots.files.file_paths import PACKAGE, MissingPackageError, resolve
-from copose.robots.files.urdf_tree import numbers, placement
+from copose.robots.files.urdf_tree import numbers, origin_pose
 from copose.robots.robot import Robot
 
 
@@ -111,7 +111,7 @@ class _Reader:
         try:
             primitive = _primitive(geometry[0])
             shape = self._mesh(geometry[0]) if primitive is None else primitive
-            pose = placement(element)
+            pose = origin_pose(element)
         except ValueError as error:
             raise UnreadableError(str(error)) from None
         if primitive is not None and min(primitive.size) == 0:

@@ -13,7 +13,7 @@ from copose.live.problem_file.document import Document
 from copose.live.problem_file.tables import tables_of
 from copose.poses import Array
 from copose.problem import Problem
-from copose.report import style
+from copose.report.words import OBJECTIVES
 from copose.results import Solution
 
 # Objectives that the page offers, by their kinds.
@@ -47,7 +47,7 @@ def offered(document: Document, solution: Solution) -> list[str]:
 
 
 def _fits(document: Document, kind: str, limits: Sequence[float | None]) -> bool:
-    if kind in style.LIMITED and None in limits:
+    if OBJECTIVES[kind].limited and None in limits:
         return False
     try:
         document.problem({"objective": objective_table(document.problem({}), kind)})

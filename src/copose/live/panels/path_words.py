@@ -7,8 +7,15 @@ from html import escape
 
 from copose.live.path_motion import PathMotion
 from copose.live.plots.path_figure import cursor_style
-from copose.report import style
-from copose.report.motion_words import failure_words
+from copose.report.look import LOOK
+from copose.report.numbers import six, three
+from copose.report.words import (
+    failure_words,
+    gain_between,
+    gain_word,
+    objective_name,
+    objective_unit,
+)
 from copose.results import Motion
 
 _SMALL = "font-size: 0.8em; line-height: 1.35; padding: 0 0.8em"
@@ -24,13 +31,13 @@ def motion_headline(path: PathMotion) -> str:
         title = _title(motion, f"{motion.aggregate} ", " along the path")
         before, after = motion.objective.before, motion.objective.after
         rows = [
-            ("planned", f"<b>{style.six(after)}</b>"),
+            ("planned", f"<b>{six(after)}</b>"),
             ("least-norm tracking", escape(_tracking(motion))),
             ("gain", escape(_gain(motion, before, after))),
         ]
-    words, colour = path.message, style.OVER
+    words, colour = path.message, LOOK.over
     if not words and path.stale:
-        words, colour = _STALE, style.ARMS[2]
+        words, colour = _STALE, LOOK.arms[2]
     return _table(title, rows, words, colour, "copose-path")
 
 
@@ -41,12 +48,12 @@ def instant_headline(path: PathMotion) -> str:
         return ""
     motion, value, tracked = course.motion, course.value(path.time), course.tracked(path.time)
     rows = [
-        ("now", f"<b>{style.six(value)}</b>"),
-        ("tracking", style.six(tracked)),
+        ("now", f"<b>{six(value)}</b>"),
+        ("tracking", six(tracked)),
         ("gain", escape(_gain(motion, tracked, value))),
     ]
     title = _title(motion, "", f" at {path.time:.2f} s of the path")
-    return _table(title, rows, _SHOWN, style.ARMS[0], "copose")
+    return _table(title, rows, _SHOWN, LOOK.arms[0], "copose")
 
 
 def instant(path: PathMotion) -> str:
@@ -55,8 +62,8 @@ def instant(path: PathMotion) -> str:
     if course is None:
         return ""
     share = path.time / course.duration if course.duration else 0.0
-    name = style.objective_name(course.motion)
-    value = style.three(course.value(path.time))
+    name = objective_name(course.motion)
+    value = three(course.value(path.time))
     return (
         f"{cursor_style(share)}<div style='{_SMALL}' id='copose-instant'>at {path.time:.2f} s of "
         f"{course.duration:.3g} s: {escape(name)} <b>{value}</b></div>"
@@ -68,18 +75,18 @@ def _tracking(motion: Motion) -> str:
     tracking = motion.least_norm
     if tracking is not None and tracking.reason is not None:
         return f"fails {failure_words(motion)}"
-    return style.six(motion.objective.before)
+    return six(motion.objective.before)
 
 
 def _gain(motion: Motion, before: float | None, after: float | None) -> str:
-    gained = style.gain_between(motion, before, after)
-    return f"{style.gain_word(motion)} {gained}" if gained else "–"
+    gained = gain_between(motion, before, after)
+    return f"{gain_word(motion)} {gained}" if gained else "–"
 
 
 def _title(motion: Motion, before: str, after: str) -> str:
     """The objective's name and unit, with words around the name."""
-    name = f"{before}{style.objective_name(motion)}{after}"
-    return ", ".join(filter(None, (name, style.objective_unit(motion))))
+    name = f"{before}{objective_name(motion)}{after}"
+    return ", ".join(filter(None, (name, objective_unit(motion))))
 
 
 def _table(title: str, rows: Sequence[tuple[str, str]], words: str, colour: str, key: str) -> str:

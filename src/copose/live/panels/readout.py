@@ -6,9 +6,11 @@ from collections.abc import Iterator, Sequence
 from html import escape
 
 from copose.live.state import State
-from copose.report import style
+from copose.report.look import LOOK, arm_colors
+from copose.report.numbers import six
 from copose.report.text.columns import shared_beginning
 from copose.report.text.ellipsoids import ellipsoid_rows
+from copose.report.words import gain_words, objective_name, objective_unit
 from copose.results import JointRecord, Solution
 
 # Share of a joint's range within which it counts as at its limit.
@@ -26,18 +28,18 @@ _BAR = "position: relative; height: 0.75em; background: rgba(128, 128, 128, 0.18
 def headline(state: State) -> str:
     """The objective now, at the start, and the gain; or why the arms do not hold the object."""
     shown = with_start(state)
-    unit = style.objective_unit(shown)
+    unit = objective_unit(shown)
     rows = (
-        ("now", f"<b>{style.six(state.value)}</b>"),
-        ("at the start", style.six(state.start_value)),
-        ("gain", escape(style.gain_words(shown) or "–")),
+        ("now", f"<b>{six(state.value)}</b>"),
+        ("at the start", six(state.start_value)),
+        ("gain", escape(gain_words(shown) or "–")),
     )
     cells = "".join(
         f'<tr><td style="padding-right: 1em">{name}</td><td id="copose-{name.split()[-1]}">{value}'
         "</td></tr>"
         for name, value in rows
     )
-    title = escape(style.objective_name(shown)) + (f", {escape(unit)}" if unit else "")
+    title = escape(objective_name(shown)) + (f", {escape(unit)}" if unit else "")
     return (
         f'<div style="{_SMALL}"><div style="font-size: 1.1em"><b>{title}</b></div>'
         f"<table>{cells}</table>{_standing(state)}{_HINT}</div>"
@@ -47,12 +49,12 @@ def headline(state: State) -> str:
 def _standing(state: State) -> str:
     """A line in colour on whether the object is held, and by what kind of posture."""
     if state.message:
-        return f'<div id="copose-message" style="color: {style.OVER}">{escape(state.message)}</div>'
-    words, color = "a local optimum: where the hand rests, all is searched", style.ARMS[2]
+        return f'<div id="copose-message" style="color: {LOOK.over}">{escape(state.message)}</div>'
+    words, color = "a local optimum: where the hand rests, all is searched", LOOK.arms[2]
     if state.searched and state.left is not None:
-        words, color = "the best that a search finds here; only with letting go", style.ARMS[1]
+        words, color = "the best that a search finds here; only with letting go", LOOK.arms[1]
     elif state.searched:
-        words, color = "the best that a search finds here", style.ARMS[1]
+        words, color = "the best that a search finds here", LOOK.arms[1]
     return f'<div id="copose-message" style="color: {color}">{escape(words)}</div>'
 
 
@@ -67,7 +69,7 @@ def joint_bars(state: State) -> str:
     posture = state.posture
     if posture is None:
         return ""
-    solution, colors = state.solution, style.arm_colors(posture)
+    solution, colors = state.solution, arm_colors(posture)
     blocks = []
     for arm, q in posture.joints.items():
         shares = None if state.shares is None else state.shares[arm]
@@ -98,11 +100,11 @@ def _joint_row(name: str, q: float, limits: JointRecord, color: str, share: floa
         near = part < _AT_LIMIT or part > 1 - _AT_LIMIT
         mark = (
             f'<div style="position: absolute; left: calc({100 * part:.1f}% - 2px); width: 4px; '
-            f'height: 100%; background: {style.OVER if near else color}"></div>'
+            f'height: 100%; background: {LOOK.over if near else color}"></div>'
         )
     torque = ""
     if share is not None:
-        fill = style.OVER if share > 1 else color
+        fill = LOOK.over if share > 1 else color
         torque = (
             f'<div style="{_BAR}; flex: 0.6"><div style="width: {100 * min(share, 1.0):.0f}%; '
             f'height: 100%; background: {fill}"></div></div>'

@@ -10,7 +10,7 @@ import viser
 
 from copose.live.panels.controls import Controls, see
 from copose.live.state import Aim
-from copose.report import style
+from copose.report.numbers import six
 from copose.results import Optimum
 
 # Buttons for local optima.
@@ -48,7 +48,7 @@ class SearchPanel:
         for k, button in enumerate(self._buttons):
             if k < len(optima):
                 each = optima[k]
-                button.label = f"{k + 1}: {style.six(each.objective)}, met ×{each.count}"
+                button.label = f"{k + 1}: {six(each.objective)}, met ×{each.count}"
             see(button, k < len(optima))
 
     def _add_search(self, begin: int) -> None:

@@ -19,10 +19,11 @@ from copose.live.plots.svg import (
     ticks,
 )
 from copose.poses import Array
-from copose.report import style
 from copose.report.joint_curves import JointCurves, spread
 from copose.report.limit_use import limit_shares
-from copose.report.motion_words import failure_words
+from copose.report.look import LOOK
+from copose.report.numbers import percent, three
+from copose.report.words import failure_words, objective_name, objective_unit, short
 from copose.results import Motion
 
 # Margins left and right of the charts, px; numbers of joints stand at the right.
@@ -115,19 +116,19 @@ def _values(motion: Motion, time: Array) -> _Chart:
     """The objective of the motion and of least-norm tracking."""
     assert motion.knots is not None
     after = np.array([knot.objective for knot in motion.knots], dtype=float)
-    lines = [(time, after, style.SYSTEM, 'stroke-width="2.4"')]
-    words = f"planned: {motion.aggregate} {style.three(motion.objective.after)}"
-    keys = [(style.SYSTEM, words)]
+    lines = [(time, after, LOOK.system, 'stroke-width="2.4"')]
+    words = f"planned: {motion.aggregate} {three(motion.objective.after)}"
+    keys = [(LOOK.system, words)]
     tracking = motion.least_norm
     if tracking is not None:
         before = np.array(tracking.objective, dtype=float)
         lines.insert(0, (time, before, _TRACKING, 'stroke-width="1.8"'))
-        words = f"{motion.aggregate} {style.three(motion.objective.before)}"
+        words = f"{motion.aggregate} {three(motion.objective.before)}"
         if tracking.reason is not None:
             words = f"fails {failure_words(motion)}"
         keys.append((_TRACKING, f"least-norm tracking: {words}"))
-    unit = style.objective_unit(motion)
-    title = ", ".join(filter(None, (style.objective_name(motion), unit)))
+    unit = objective_unit(motion)
+    title = ", ".join(filter(None, (objective_name(motion), unit)))
     y = _span([values for _, values, *_ in lines])
     return _Chart(title, _VALUES, y, tuple(lines), tuple(keys))
 
@@ -141,8 +142,7 @@ def _limits(motion: Motion) -> Iterator[_Chart]:
         (each.time, 100 * each.values, _SHARES[each.kind], 'stroke-width="1.8"') for each in shares
     )
     keys = tuple(
-        (_SHARES[each.kind], f"{each.kind}: up to {style.percent(each.largest[0])} %")
-        for each in shares
+        (_SHARES[each.kind], f"{each.kind}: up to {percent(each.largest[0])} %") for each in shares
     )
     top = 1.1 * max(100.0, *(100 * each.largest[0] for each in shares))
     title = "share of limits, the largest of all joints, %"
@@ -161,7 +161,7 @@ def _joints(motion: Motion, time: Array, arm: str) -> _Chart:
     limits: tuple[float, ...] = ()
     if curves.limited:
         y, limits = (-curves.furthest, curves.furthest), (-1.0, 1.0)
-    title = f"joints of arm {style.short(arm)}: {curves.unit}"
+    title = f"joints of arm {short(arm)}: {curves.unit}"
     return _Chart(title, _JOINTS, y, tuple(lines), limits=limits, ends=True)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from copose.collision import Bodies, Carrier, Placements, Places, configurations
+from copose.collision import Bodies, Carrier, PartPoses, Placements, configurations
 from copose.motion.path import minimum_jerk
 from copose.motion.path.object_motion import ObjectMotion
 from copose.poses import Array, Indices
@@ -57,7 +57,7 @@ class CubicMotion:
         self._frames = _frames(self._bodies)
         self._row: dict[int, int] = {}
         self._where: list[Placements] = []
-        self._places: list[Places] = []
+        self._places: list[PartPoses] = []
         self._balls = np.zeros((0, len(ends)))
         self._hulls: dict[tuple[int, int], tuple[float, Array]] = {}
         self._distances: dict[tuple[int, int], float] = {}
@@ -88,7 +88,7 @@ class CubicMotion:
             for t, k in zip(new.tolist(), range(len(new)), strict=True):
                 self._row[t] = len(self._where)
                 self._where.append(where[k])
-                self._places.append(Places(where[k]))
+                self._places.append(PartPoses(where[k]))
             self._balls = np.vstack([self._balls, self._bodies.bounds(where, self._bodies.every)])
         return np.array([self._row[t] for t in every.tolist()], dtype=np.intp)[places]
 

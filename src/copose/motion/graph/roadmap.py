@@ -120,37 +120,40 @@ class Roadmap:
         self.unlimited = np.array(
             [j.kind == "revolute" and not np.isfinite([j.lower, j.upper]).any() for j in arm.joints]
         )
-        self.spare = spare = 0 if arm.fixed else self._kernels.n - self._kernels.m
-        self.simple = spare <= 1
+        self.spare = 0 if arm.fixed else self._kernels.n - self._kernels.m
+        self.simple = self.spare <= 1
         self._most = options.most if self.simple else options.most_surface
         finer = finer if self.simple else 1
         self.spacing, self._most = options.spacing / finer, finer * self._most
         self.held: list[int | None] = [None, None]
-        if start is not None and self.simple:
-            # What is on no curve with it can never be reached.
-            first, self.held[0] = self._grown(start[None], options.from_start * self._most), 0
-        else:
-            first = self._sampled(seed)
-            if start is not None:
-                first, self.held[0] = self._with(first, start)
+        first = self._first(start, seed)
         nothing = np.zeros((0, self._kernels.n))
+        ends = nothing if goal is None else goal[None]
+        if goal is None and returns:
+            ends = first if self.held[0] is None else first[[self.held[0]]]
         self.layers = [Layer(first, nothing, np.zeros((0, len(first), self._kernels.n)))]
         for k in range(1, len(course)):
             if len(self.layers[-1].q) == 0:
                 break
-            last = k == len(course) - 1
-            must = nothing
-            if last and goal is not None:
-                must = goal[None]
-            elif last and returns:
-                must = first if self.held[0] is None else first[[self.held[0]]]
-            self.layers.append(self._next(k, must))
+            self.layers.append(self._next(k, ends if k == len(course) - 1 else nothing))
         if goal is not None:
             self.held[1] = self._number(self.layers[-1].q, goal)
 
+    def _first(self, start: Array | None, seed: int) -> Array:
+        """Postures of the first layer; the start, if there is one, is the first of them."""
+        if start is None:
+            return self._sampled(seed)
+        self.held[0] = 0
+        if self.simple:
+            # What is on no curve with it can never be reached.
+            return self._grown(start[None], self._options.from_start * self._most)
+        q = self._sampled(seed)
+        others = np.abs(self.apart(q, start)).max(axis=1, initial=0.0) > self._options.alike
+        return np.vstack([start[None], q[others]])
+
     @property
     def count(self) -> int:
-        """Postures of all layers."""
+        """The number of postures in all layers."""
         return sum(len(layer.q) for layer in self.layers)
 
     def apart(self, many: Array, q: Array) -> Array:
@@ -164,6 +167,7 @@ class Roadmap:
         return np.where(self.unlimited, turned, difference)
 
     def _sampled(self, seed: int) -> Array:
+        """Postures of the first layer, drawn and thinned."""
         effort = EFFORTS["normal"]
         goal = self._course.goals[self._i][0]
         sampler = ArmSampler(self._cell, self._kernels, self._i, goal)
@@ -187,12 +191,8 @@ class Roadmap:
             q = np.vstack([q, added])
         return q[:most]
 
-    def _with(self, q: Array, posture: Array) -> tuple[Array, int]:
-        """Postures with one that has to be among them, and its number."""
-        apart = np.abs(self.apart(q, posture)).max(axis=1, initial=0.0) > self._options.alike
-        return np.vstack([posture[None], q[apart]]), 0
-
     def _number(self, q: Array, posture: Array) -> int | None:
+        """The number of a posture among others; None where it is not among them."""
         apart = np.abs(self.apart(q, posture)).max(axis=1, initial=0.0)
         return int(apart.argmin()) if len(q) and apart.min() < 1e-6 else None
 

@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 Point = TypeVar("Point")
-Cuts = TypeVar("Cuts")
+CutSet = TypeVar("CutSet")
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class GenerationOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Step(Generic[Point, Cuts]):
+class Step(Generic[Point, CutSet]):
     """The end of one program.
 
     Attributes:
@@ -42,15 +42,15 @@ class Step(Generic[Point, Cuts]):
     point: Point
     value: float
     way: float
-    cuts: Cuts | None
+    cuts: CutSet | None
 
 
 def generate(
     start: Point,
     value: float,
-    cuts: Cuts,
-    solve: Callable[[Point, Cuts, float], Step[Point, Cuts] | None],
-    accepts: Callable[[Step[Point, Cuts], float, bool], bool],
+    cuts: CutSet,
+    solve: Callable[[Point, CutSet, float], Step[Point, CutSet] | None],
+    accepts: Callable[[Step[Point, CutSet], float, bool], bool],
     options: GenerationOptions,
 ) -> Point:
     """The best accepted end of programs that each start where one before ended.

@@ -1,8 +1,9 @@
-"""Pictures of exact sets of accelerations."""
+"""Charts of exact sets of accelerations."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -15,23 +16,25 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from copose.capability import Ellipsoid
 from copose.poses import Array
 from copose.problem import SPACES
-from copose.report import style
+from copose.report.axes import ANGULAR_AXES, LINEAR_AXES, acceleration_unit
 from copose.report.charts.legends import legend_below
 from copose.report.geometry.hulls import Solid
 from copose.report.geometry.slices import Slice
 from copose.report.geometry.view import View, frame, roomy
-from copose.report.style import Panel
+from copose.report.look import LOOK
+from copose.report.numbers import three
+from copose.report.panels import Panel
 from copose.results import ExactSetRecord
 
-# Faces that meet at a smaller angle, degrees, have a finer edge drawn between them.
-_SHARP = 45.0
-_LABELS = {
-    "set": "exact set",
-    "ellipsoid": "ellipsoid within it",
-    "ball": "largest ball around rest",
-    "rest": "rest",
-    "center": "centre: zero torque",
-}
+
+class Label(StrEnum):
+    """Entries of the legend."""
+
+    SET = "exact set"
+    ELLIPSOID = "ellipsoid within it"
+    BALL = "largest ball around rest"
+    REST = "rest"
+    CENTER = "centre: zero torque"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +53,8 @@ class SetPicture:
 
     @property
     def color(self) -> str:
-        """Of its ellipsoid."""
-        return style.SYSTEM if self.name == "linear" else style.ANGULAR
+        """The colour of its ellipsoid."""
+        return LOOK.system if self.name == "linear" else LOOK.angular
 
     @property
     def solid(self) -> bool:
@@ -60,38 +63,38 @@ class SetPicture:
 
     @property
     def title(self) -> str:
-        """What is drawn."""
+        """The title: kind, unit, and the ball around rest."""
         record, others = self.record, "others zero; " if self.others else ""
-        ball = f"ball of radius {style.three(record.residual_radius)} around rest"
+        ball = f"ball of radius {three(record.residual_radius)} around rest"
         if not record.vertices:
             ball = "none is within the torque limits"
         elif not record.residual_radius:
             ball = "rest is outside"
-        unit = style.plain_unit(record.axes)
+        unit = acceleration_unit(record.axes)
         return f"exact set of {self.name} accelerations, {unit}\n{others}{ball}"
 
     @property
     def world(self) -> list[int]:
-        """Which coordinate of the picture each coordinate of the set is."""
+        """The coordinate of the picture that each coordinate of the set is."""
         axes = self.record.axes
         if not self.solid:
             return list(range(len(axes)))
-        return [(style.LINEAR_AXES | style.ANGULAR_AXES)[axis] for axis in axes]
+        return [(LINEAR_AXES | ANGULAR_AXES)[axis] for axis in axes]
 
     @property
     def names(self) -> list[str]:
-        """Of the picture's coordinates."""
+        """Names of the picture's coordinates."""
         return [self.record.axes[self.world.index(i)] for i in range(len(self.world))]
 
     @property
     def corners(self) -> Array:
-        """In the picture's coordinates, (k, a)."""
+        """Corners of the set in the picture's coordinates, (k, a)."""
         points = np.array(self.record.vertices).reshape(-1, len(self.world))
         return points[:, np.argsort(self.world)]
 
     @property
     def ellipsoid(self) -> Ellipsoid | None:
-        """In the picture's coordinates; None where there is none."""
+        """The ellipsoid in the picture's coordinates; None where there is none."""
         ellipsoid = self.record.ellipsoid.value
         return None if ellipsoid is None else ellipsoid.sliced(np.argsort(self.world).tolist())
 
@@ -104,7 +107,7 @@ class SetPicture:
 def set_pictures(panels: list[Panel]) -> list[SetPicture]:
     """The exact sets of a picture of one posture that holds the object."""
     panel = panels[0]
-    if len(panels) > 1 or panel.name == style.MISS:
+    if len(panels) > 1 or panel.misses:
         return []
     space = SPACES[panel.solution.problem.space]
     records = panel.posture.exact_sets or {}
@@ -118,10 +121,10 @@ def draw_set(figure: Figure, place: SubplotSpec, picture: SetPicture, columns: i
     """A set, its ellipsoid, the ball around rest, rest and the ellipsoid's centre.
 
     Args:
-        figure: where.
-        place: where in it.
-        picture: what.
-        columns: of the legend, 0 for none.
+        figure: the figure.
+        place: the place in it.
+        picture: the set.
+        columns: columns of the legend, 0 for none.
     """
     height = 0.96 if picture.solid else None
     if not picture.solid:
@@ -143,24 +146,25 @@ def draw_set(figure: Figure, place: SubplotSpec, picture: SetPicture, columns: i
         handles, labels = ax.get_legend_handles_labels()
         if picture.solid:
             # Faces and surfaces have no entries of their own.
-            patches = {"set": (style.EXACT, 0.4), "ellipsoid": (picture.color, 0.9)}
-            shown = [key for key in patches if key == "set" or picture.ellipsoid is not None]
-            handles = [*(Patch(color=patches[key]) for key in shown), *handles]
-            labels = [*(_LABELS[key] for key in shown), *labels]
+            patches = {Label.SET: (LOOK.exact_set, 0.4), Label.ELLIPSOID: (picture.color, 0.9)}
+            if picture.ellipsoid is None:
+                del patches[Label.ELLIPSOID]
+            handles = [*(Patch(color=color) for color in patches.values()), *handles]
+            labels = [*patches, *labels]
         legend_below(ax, handles, labels, columns=columns, points=8 if picture.solid else 36)
 
 
 def _interval(ax: Any, picture: SetPicture) -> None:
-    """One axis: a bar, the ellipsoid's part of it, and the ball as a bracket."""
+    """A set with one axis: a bar, the ellipsoid's part of it, and the ball as a bracket."""
     ends, radius = picture.corners, picture.record.residual_radius
-    ax.fill_between(ends[:, 0], -1, 1, color=style.EXACT, alpha=0.3, label=_LABELS["set"])
+    ax.fill_between(ends[:, 0], -1, 1, color=LOOK.exact_set, alpha=0.3, label=Label.SET)
     if picture.ellipsoid is not None:
         inner = picture.surface(picture.ellipsoid)[:, 0]
         ax.fill_between(inner, -0.5, 0.5, color=picture.color, alpha=0.6,
-                        label=_LABELS["ellipsoid"])  # fmt: skip
+                        label=Label.ELLIPSOID)  # fmt: skip
     if radius:
-        ax.plot([-radius, radius], [0, 0], color=style.INK, linestyle=":", marker="|",
-                markersize=14, label=_LABELS["ball"])  # fmt: skip
+        ax.plot([-radius, radius], [0, 0], color=LOOK.ink, linestyle=":", marker="|",
+                markersize=14, label=Label.BALL)  # fmt: skip
     _points(ax, picture)
     ax.set_ylim(-1.5, 1.5)
     ax.set_yticks([])
@@ -171,18 +175,18 @@ def _interval(ax: Any, picture: SetPicture) -> None:
 
 
 def _polygon(ax: Any, picture: SetPicture) -> None:
-    """Two axes: polygon, ellipse and circle."""
-    ax.grid(True, color="#EEEEEE", linewidth=0.8)
+    """A set with two axes: polygon, ellipse and circle."""
+    ax.grid(True, color=LOOK.grid, linewidth=0.8)
     ax.set_axisbelow(True)
-    ax.fill(*picture.corners.T, facecolor=(style.EXACT, 0.3), edgecolor=style.EXACT,
-            linewidth=1.8, label=_LABELS["set"])  # fmt: skip
+    ax.fill(*picture.corners.T, facecolor=(LOOK.exact_set, 0.3), edgecolor=LOOK.exact_set,
+            linewidth=1.8, label=Label.SET)  # fmt: skip
     if picture.ellipsoid is not None:
         curve = picture.surface(picture.ellipsoid)
         ax.fill(*curve.T, facecolor=(picture.color, 0.45), edgecolor=picture.color,
-                linewidth=1.8, label=_LABELS["ellipsoid"])  # fmt: skip
+                linewidth=1.8, label=Label.ELLIPSOID)  # fmt: skip
     if picture.record.residual_radius:
-        ax.plot(*picture.record.residual_radius * _circle().T, color=style.INK, linewidth=1.4,
-                linestyle=":", label=_LABELS["ball"])  # fmt: skip
+        ax.plot(*picture.record.residual_radius * _circle().T, color=LOOK.ink, linewidth=1.4,
+                linestyle=":", label=Label.BALL)  # fmt: skip
     _points(ax, picture)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel(_labels(picture)[0])
@@ -190,7 +194,7 @@ def _polygon(ax: Any, picture: SetPicture) -> None:
 
 
 def _solid(ax: Any, picture: SetPicture) -> None:
-    """Three axes: back of the polyhedron, ellipsoid, front of it, outline of the ball."""
+    """A set with three axes: the polyhedron's back, ellipsoid, its front, outline of the ball."""
     ax.computed_zorder = False
     ax.set_proj_type("ortho")
     seen = View()
@@ -210,48 +214,53 @@ def _solid(ax: Any, picture: SetPicture) -> None:
     if radius:
         circle = radius * _circle() @ view[:2]
         points.append(circle)
-        ax.plot(*circle.T, color=style.INK, linewidth=1.3, linestyle=":", zorder=6,
-                label=_LABELS["ball"])  # fmt: skip
+        ax.plot(*circle.T, color=LOOK.ink, linewidth=1.3, linestyle=":", zorder=6,
+                label=Label.BALL)  # fmt: skip
     _points(ax, picture, zorder=7)
     frame(ax, *roomy(np.vstack(points)), _labels(picture), seen, whole=True)
 
 
-def _shell(ax: Any, solid: Solid, view: Array) -> None:
-    """A solid that one looks into: its back in shades, its front as a veil with edges."""
+def _shell(ax: Any, solid: Solid, view: Array, *, sharp: float = 45.0) -> None:
+    """A solid that one looks into: its back in shades, its front as a veil with edges.
+
+    Faces that meet at less than a sharp angle, degrees, have a finer edge between them.
+    """
     front = solid.normals @ view[2] > 0
     behind = np.flatnonzero(~front)
     # Seen from inside.
     pale = 0.9 * _lit(-solid.normals[behind], view, 0.5)[:, None]
-    tints = pale + (1 - pale) * to_rgb(style.EXACT)
+    tints = pale + (1 - pale) * to_rgb(LOOK.exact_set)
     back = Poly3DCollection([solid.faces[k] for k in behind], facecolors=tints, edgecolors=tints,
                             linewidth=0.4, zorder=2)  # fmt: skip
     # In one piece: translucent faces would show their seams.
     rim = solid.outline(view[:2])
-    veil = Poly3DCollection([rim], facecolor=style.EXACT, alpha=0.2, zorder=4)
+    veil = Poly3DCollection([rim], facecolor=LOOK.exact_set, alpha=0.2, zorder=4)
     meeting = front[solid.sides].all(axis=1)
     one, other = solid.normals[solid.sides[meeting].T]
     angles = np.degrees(np.arccos(np.clip(np.sum(one * other, axis=1), -1, 1)))
-    edges = Line3DCollection(solid.edges[meeting], colors=style.EXACT, zorder=5,
-                             linewidths=0.9 * np.minimum(angles / _SHARP, 1))  # fmt: skip
+    edges = Line3DCollection(solid.edges[meeting], colors=LOOK.exact_set, zorder=5,
+                             linewidths=0.9 * np.minimum(angles / sharp, 1))  # fmt: skip
     for part in (back, veil, edges):
         # Limits are set by hand, and faces of unequal length have none to tell.
         ax.add_collection(part, autolim=False)
-    ax.plot(*np.vstack([rim, rim[:1]]).T, color=style.EXACT, linewidth=1.5, zorder=5)
+    ax.plot(*np.vstack([rim, rim[:1]]).T, color=LOOK.exact_set, linewidth=1.5, zorder=5)
 
 
 def _lit(normals: Array, view: Array, least: float) -> Array:
-    """How bright surfaces with such normals, (…, 3), are in light from the upper left, up to 1."""
+    """Brightness, up to 1, of surfaces in light from the upper left, by their normals, (…, 3)."""
     light = np.array([-0.4, 0.7, 0.7]) @ view
     cosines = normals @ light / np.linalg.norm(light) / np.linalg.norm(normals, axis=-1)
     return np.asarray(least + (1 - least) * np.clip(cosines, 0, 1))
 
 
 def _labels(picture: SetPicture) -> list[str]:
-    unit = style.plain_unit(picture.record.axes)
+    """Coordinates with their unit."""
+    unit = acceleration_unit(picture.record.axes)
     return [f"{name}, {unit}" for name in picture.names]
 
 
 def _circle() -> Array:
+    """Points of the unit circle, (k, 2)."""
     angle = np.linspace(0, 2 * np.pi, 181)
     return np.column_stack([np.cos(angle), np.sin(angle)])
 
@@ -259,10 +268,10 @@ def _circle() -> Array:
 def _points(ax: Any, picture: SetPicture, **more: Any) -> None:
     """Rest and the ellipsoid's centre."""
     rest = np.zeros((max(len(picture.world), 2), 1))
-    ax.plot(*rest, linestyle="", marker="o", markersize=7, color=style.INK,
-            markeredgecolor="white", label=_LABELS["rest"], **more)  # fmt: skip
+    ax.plot(*rest, linestyle="", marker="o", markersize=7, color=LOOK.ink,
+            markeredgecolor="white", label=Label.REST, **more)  # fmt: skip
     if picture.ellipsoid is not None:
         center = rest.copy()
         center[: len(picture.world), 0] = picture.ellipsoid.center
         ax.plot(*center, linestyle="", marker="P", markersize=9, color="white",
-                markeredgecolor=style.INK, label=_LABELS["center"], **more)  # fmt: skip
+                markeredgecolor=LOOK.ink, label=Label.CENTER, **more)  # fmt: skip

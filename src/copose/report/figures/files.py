@@ -1,4 +1,4 @@
-"""Figures of results as files."""
+"""Pictures of results as figures of Matplotlib and as files."""
 
 from __future__ import annotations
 
@@ -17,21 +17,22 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, overload
 
 from copose.errors import InputError
 from copose.problem import SPACES, Problem
-from copose.report import style as looks
 from copose.report.comparison import Comparison
-from copose.report.rows import Row, case_rows, result_row
+from copose.report.look import LOOK
+from copose.report.panels import Panel, Row, case_rows, result_panels, result_row
+from copose.report.words import result_heading, short
 from copose.results import Motion, Solution, write_file
 from copose.robots import ArmStart
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FORMATS = (".png", ".pdf", ".svg")
-# How arms in space are drawn.
 Style: TypeAlias = Literal["bodies", "sticks"]
+"""The look of arms in space: their links' convex hulls, or sticks between their joints."""
+
 _Answer = TypeVar("_Answer", Solution, Motion)
 # Settings of Matplotlib are those of the whole process.
-_LOCK = threading.Lock()
+_drawing_lock = threading.Lock()
 
 
 def check_format(path: Path) -> None:
@@ -40,9 +41,10 @@ def check_format(path: Path) -> None:
     Raises:
         InputError: listing the endings that would be right.
     """
-    if path.suffix.lower() not in FORMATS:
+    formats = (".png", ".pdf", ".svg")
+    if path.suffix.lower() not in formats:
         raise InputError(
-            f"{path.suffix or 'no ending'}: a picture ends in {', '.join(FORMATS)}", file=path
+            f"{path.suffix or 'no ending'}: a picture ends in {', '.join(formats)}", file=path
         )
 
 
@@ -50,9 +52,9 @@ def picture(answer: Solution | Motion, kind: str, style: Style = "bodies") -> by
     """A result's picture as a file's content.
 
     Args:
-        answer: with at least one posture.
+        answer: a result with at least one posture.
         kind: png, pdf or svg.
-        style: how arms in space are drawn.
+        style: look of arms in space.
     """
     return saved(figure(answer, style), kind)
 
@@ -62,16 +64,16 @@ def motion_animation(motion: Motion, style: Style = "bodies") -> bytes:
 
     Args:
         motion: with knots.
-        style: how arms in space are drawn.
+        style: look of arms in space.
     """
     with _drawing():
-        from copose.report.figures.film import film
+        from copose.report.figures.film import motion_film
 
-        return film(_styled(motion, style))
+        return motion_film(_styled(motion, style))
 
 
 def _styled(answer: _Answer, style: Style) -> _Answer:
-    """An answer, for sticks without its arms' bodies."""
+    """An answer, without its arms' bodies where they are drawn as sticks."""
     if style == "bodies":
         return answer
     problem = answer.problem.model_copy(update={"links": ()})
@@ -92,14 +94,14 @@ def figure(answer: Solution | Motion, style: Style = "bodies") -> Figure:
 
             return motion_figure(_styled(answer, style))
     solution = _styled(answer, style)
-    panels, rows = looks.panels(solution), case_rows(solution)
+    panels, rows = result_panels(solution), case_rows(solution)
     if not panels and not rows:
         raise InputError(f"no posture to draw: {solution.reason}")
-    return _figure(panels, rows, looks.heading(solution))
+    return _figure(panels, rows, result_heading(solution))
 
 
-def _figure(panels: list[looks.Panel], rows: list[Row], heading: str) -> Figure:
-    """The rows where there are some, else the panels."""
+def _figure(panels: list[Panel], rows: list[Row], heading: str) -> Figure:
+    """A figure of rows where there are some, else of panels."""
     with _drawing():
         from copose.report.figures.cases import cases_figure
         from copose.report.figures.planar import planar_figure
@@ -114,12 +116,12 @@ def _figure(panels: list[looks.Panel], rows: list[Row], heading: str) -> Figure:
 
 @contextlib.contextmanager
 def _drawing() -> Iterator[None]:
-    """What all pictures look like, whatever settings of Matplotlib a user or a script has."""
+    """The settings of all pictures, whatever settings of Matplotlib a user or a script has."""
     # It warns of settings that it does not know, and of folders that it cannot write its font
     # cache to; fonts are found without.
     chatter = logging.getLogger("matplotlib")
     level = chatter.level
-    with _LOCK, warnings.catch_warnings():
+    with _drawing_lock, warnings.catch_warnings():
         try:
             chatter.setLevel(logging.ERROR)
             matplotlib = _matplotlib()
@@ -128,7 +130,7 @@ def _drawing() -> Iterator[None]:
             del defaults["backend"]
             # A name in a script that the font lacks is drawn as boxes; there is no more to say.
             warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-            with matplotlib.rc_context(defaults | looks.RC):
+            with matplotlib.rc_context(defaults | LOOK.settings):
                 yield
         finally:
             chatter.setLevel(level)
@@ -173,10 +175,9 @@ def draw(
     """Draw a result's postures, or a motion.
 
     Args:
-        solution: what is drawn.
-        path: of a .png, .pdf or .svg file.
-        style: how arms in space are drawn: by their links' convex hulls, or as sticks between
-            their joints.
+        solution: the result.
+        path: name of a .png, .pdf or .svg file.
+        style: look of arms in space: their links' convex hulls, or sticks between their joints.
 
     Returns:
         Without a path a Matplotlib figure, which pyplot does not know and a notebook shows.
@@ -226,20 +227,20 @@ def draw_comparison(comparison: Comparison, path: str | Path, style: Style = "bo
     file = Path(path)
     check_format(file)
     names = dict.fromkeys(solution.problem.name for solution in comparison.solutions)
-    heading = " and ".join(looks.short(name, 40) for name in names)
+    heading = " and ".join(short(name, 40) for name in names)
     overlaid = comparison.same_unit and not comparison.cases
     if not comparison.same_unit:
         heading += " (torques scaled differently: each at its own scale"
         heading += ")" if comparison.cases else ", not overlaid)"
     rows: list[Row] = []
-    panels: list[looks.Panel] = []
+    panels: list[Panel] = []
     both = zip(comparison.names, comparison.solutions, comparison.postures, strict=True)
     for name, told, posture in both:
         solution = _styled(told, style)
         if comparison.cases:
             rows.append(result_row(name, solution))
         elif posture is not None:
-            panels.append(looks.Panel(name, posture, solution))
+            panels.append(Panel(name, posture, solution))
     if overlaid:
         one, other = panels
         panels = [replace(one, other=other), replace(other, other=one)]

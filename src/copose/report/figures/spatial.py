@@ -2,95 +2,142 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from copose.poses import Array
-from copose.report import style
-from copose.report.charts import legends
-from copose.report.charts.exact_sets import draw_set, set_pictures
+from copose.report.charts.exact_sets import SetPicture, draw_set, set_pictures
+from copose.report.charts.legends import Entry, legend_below, legend_entries, legend_grid
 from copose.report.charts.torque_shares import draw_shares, share_panels
-from copose.report.figures.moves import moved_words
-from copose.report.figures.titles import title
+from copose.report.figures.titles import moved_words, title
 from copose.report.geometry.free_ranges import ranges
-from copose.report.scene.forces import holding_arrows
-from copose.report.scene.spatial import Kind, Stage
-from copose.report.style import Panel
+from copose.report.look import LOOK
+from copose.report.panels import Panel
+from copose.report.scene.forces import draw_arrows, holding_arrows
+from copose.report.scene.spatial import Stage
+from copose.report.scene.spatial_slices import SliceKind
+from copose.report.words import short
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """The places of one spatial picture in its figure.
+
+    Attributes:
+        scenes: a place for each panel, and one for each exact set.
+        bars: a place for the semi-axes of each kind of slices, and one for shares of torques.
+        legends_below: whether legends stand below scenes, and not within them.
+        columns: columns of such a legend.
+    """
+
+    scenes: list[Any]
+    bars: list[Any]
+    legends_below: bool
+    columns: int
+
+    @classmethod
+    def of(
+        cls, figure: Figure, panels: list[Panel], kinds: int, sets: int, lines: int, *, shares: bool
+    ) -> _Layout:
+        """The layout of panels.
+
+        Args:
+            figure: the figure, whose height it sets.
+            panels: what is drawn.
+            kinds: number of kinds of slices.
+            sets: number of exact sets.
+            lines: lines of words between heading and scenes.
+            shares: whether shares of torques are drawn.
+        """
+        # Shares stand beside the semi-axes where exact sets make the picture wide, else below them.
+        apart = shares and not (sets and kinds)
+        rows = [3.6] + [1.0] * bool(kinds) + [1.0] * apart
+        count = len(panels) + sets
+        # Titles of more than a line leave a legend no room beside them.
+        legends_below = bool(sets) or any(ranges(p) or "\n" in title(p) for p in panels)
+        tall = 4.2 + 2.0 * len(rows) + 0.6 * bool(sets or apart)
+        figure.set_size_inches(5.5 * max(count, 2), tall)
+        entries = legend_entries(panels[0].posture.arms, Entry.RANGES)
+        entries += [Entry.OTHER] * any(panel.other is not None for panel in panels)
+        columns, legend_rows = (2, 1) if sets else legend_grid(entries, 6.4)
+        # Legends and words of bars stand under what the grid places.
+        low = legends_below and len(rows) == 1 and not sets
+        bottom = 0.14 if low else 0.08 if shares else 0.06
+        gap = 0.3 if sets or apart else 0.16
+        if legends_below and not sets:
+            gap = 0.22 + 0.08 * legend_rows
+        grid = figure.add_gridspec(
+            len(rows), 2 * len(panels), height_ratios=rows, left=0.03, right=0.94, bottom=bottom,
+            top=0.9 - 0.024 * max(0, lines - 1), hspace=gap, wspace=0.3,
+        )  # fmt: skip
+        scenes = [grid[0, 2 * k : 2 * k + 2] for k in range(len(panels))]
+        if sets:
+            top = grid[0, :].subgridspec(1, count, wspace=0.2)
+            scenes = [top[0, k] for k in range(count)]
+        span = 2 * len(panels) // max(kinds, 1)
+        bars = [grid[1, span * k : span * (k + 1)] for k in range(kinds)]
+        if apart:
+            bars.append(grid[-1, :])
+        elif shares:
+            parts = [1] * kinds + [2]
+            below = grid[1, :].subgridspec(1, len(parts), width_ratios=parts, wspace=0.16)
+            bars = [below[0, k] for k in range(len(parts))]
+        return cls(scenes, bars, legends_below, columns)
 
 
 def spatial_figure(panels: list[Panel], heading: str) -> Figure:
     """Scenes with the ellipsoid's linear and angular slices, and their semi-axes as bars.
 
-    Beside them what torque limits allow, where the results say so: exact sets and shares.
+    Beside them stands what torque limits allow, where results say so: exact sets and shares.
     """
     stage, sets, holding = Stage.of(panels), set_pictures(panels), share_panels(panels)
     kinds = stage.kinds
     alone = len({id(panel.solution) for panel in panels}) == 1
     moved = moved_words(panels[0].solution) if alone else ""
-    # Shares stand beside the semi-axes where exact sets make the picture wide, else below them.
-    apart = bool(holding) and not (sets and kinds)
-    rows = [3.6] + [1.0] * bool(kinds) + [1.0] * apart
-    count = len(panels) + len(sets)
-    # Titles of more than a line leave a legend no room beside them.
-    legends_below = bool(sets) or any(ranges(p) or "\n" in title(p) for p in panels)
-    tall = 4.2 + 2.0 * len(rows) + 0.6 * bool(sets or apart)
-    figure = Figure(figsize=(5.5 * max(count, 2), tall))
-    keys = legends.keys(panels[0].posture.arms, legends.RANGES)
-    keys += [legends.OTHER] * any(panel.other is not None for panel in panels)
-    columns, lines = (2, 1) if sets else legends.legend_grid(keys, 6.4)
-    # Legends and bars' words stand under what the grid places.
-    bottom = 0.14 if legends_below and len(rows) == 1 and not sets else 0.08 if holding else 0.06
-    gap = 0.3 if sets or apart else 0.16
-    if legends_below and not sets:
-        gap = 0.22 + 0.08 * lines
-    grid = figure.add_gridspec(
-        len(rows), 2 * len(panels), height_ratios=rows, left=0.03, right=0.94, bottom=bottom,
-        top=0.9 - 0.024 * max(0, len(kinds) + bool(moved) - 1), hspace=gap, wspace=0.3,
-    )  # fmt: skip
-    places = [grid[0, 2 * k : 2 * k + 2] for k in range(len(panels))]
-    span = 2 * len(panels) // max(len(kinds), 1)
-    bars = [grid[1, span * k : span * (k + 1)] for k in range(len(kinds))]
-    if sets:
-        top = grid[0, :].subgridspec(1, count, wspace=0.2)
-        places = [top[0, k] for k in range(count)]
-    if apart:
-        bars.append(grid[-1, :])
-    elif holding:
-        parts = [1] * len(kinds) + [2]
-        below = grid[1, :].subgridspec(1, len(parts), width_ratios=parts, wspace=0.16)
-        bars = [below[0, k] for k in range(len(parts))]
-    for k, panel in enumerate(panels):
-        ax: Any = figure.add_subplot(places[k], projection="3d")
-        stage.draw(ax, panels, k, whole=legends_below and not sets)
-        if sets:
-            _forces(ax, *holding_arrows(panel.posture, float((stage.high - stage.low).max())))
-        handles, labels = ax.get_legend_handles_labels()
-        if legends_below:
-            legends.legend_below(ax, handles, labels, columns=columns, points=8)
-        else:
-            ax.legend(loc="upper right", frameon=False, fontsize=9)
-        words = title(panel)
-        highest = 0.96 if legends_below else 0.99
-        ax.set_title(words, loc="left", y=highest - 0.05 * words.count("\n"),
-                     fontsize=9.5 if "\n" in words else 11)  # fmt: skip
-    for each, place in zip(sets, places[len(panels) :], strict=True):
-        draw_set(figure, place, each, columns=3)
-    for kind, place in zip(kinds, bars, strict=False):
-        _bars(figure.add_subplot(place), panels, kind)
+    lines = [(kind.words(panels), kind.color) for kind in kinds]
+    lines += [(moved, LOOK.ink)] if moved else []
+    figure = Figure()
+    layout = _Layout.of(figure, panels, len(kinds), len(sets), len(lines), shares=bool(holding))
+    for k in range(len(panels)):
+        _draw_panel(figure, layout, stage, panels, k, sets)
+    for exact, place in zip(sets, layout.scenes[len(panels) :], strict=True):
+        draw_set(figure, place, exact, columns=3)
+    for kind, place in zip(kinds, layout.bars, strict=False):
+        _draw_bars(figure.add_subplot(place), panels, kind)
     if holding:
-        draw_shares(figure.add_subplot(bars[-1]), holding, named=len(panels) > 1)
+        draw_shares(figure.add_subplot(layout.bars[-1]), holding, named=len(panels) > 1)
     figure.suptitle(heading, fontweight="bold", x=0.02, y=0.985, ha="left")
-    lines_above = [(kind.words(panels), kind.color) for kind in kinds]
-    lines_above += [(moved, style.INK)] if moved else []
-    for k, (words, color) in enumerate(lines_above):
+    for k, (words, color) in enumerate(lines):
         figure.text(0.02, 0.935 - 0.024 * k, words, fontsize=9.5, color=color)
     return figure
 
 
-def _bars(ax: Axes, panels: list[Panel], kind: Kind) -> None:
+def _draw_panel(
+    figure: Figure, layout: _Layout, stage: Stage, panels: list[Panel], k: int,
+    sets: list[SetPicture],
+) -> None:  # fmt: skip
+    """The scene of one of the panels with its legend and title."""
+    ax: Any = figure.add_subplot(layout.scenes[k], projection="3d")
+    stage.draw(ax, panels, k, whole=layout.legends_below and not sets)
+    if sets:
+        size = float((stage.high - stage.low).max())
+        draw_arrows(ax, *holding_arrows(panels[k].posture, size))
+    handles, labels = ax.get_legend_handles_labels()
+    if layout.legends_below:
+        legend_below(ax, handles, labels, columns=layout.columns, points=8)
+    else:
+        ax.legend(loc="upper right", frameon=False, fontsize=9)
+    words = title(panels[k])
+    highest = 0.96 if layout.legends_below else 0.99
+    ax.set_title(words, loc="left", y=highest - 0.05 * words.count("\n"),
+                 fontsize=9.5 if "\n" in words else 11)  # fmt: skip
+
+
+def _draw_bars(ax: Axes, panels: list[Panel], kind: SliceKind) -> None:
+    """The semi-axes of the slices of all panels."""
     width = 0.8 / len(panels)
     count = 1
     units = kind.units(panels)
@@ -104,8 +151,8 @@ def _bars(ax: Axes, panels: list[Panel], kind: Kind) -> None:
         drawn = ax.bar(
             np.arange(len(radii)) + (k - (len(panels) - 1) / 2) * width,
             radii * kind.scales[k], width * 0.92,
-            color=style.BEFORE if k + 1 < len(panels) else kind.color,
-            label=style.short(panel.name) + (f", {kind.unit(panel)}" if len(units) > 1 else ""),
+            color=LOOK.before if k + 1 < len(panels) else kind.color,
+            label=short(panel.name) + (f", {kind.unit(panel)}" if len(units) > 1 else ""),
         )  # fmt: skip
         ax.bar_label(drawn, [f"{radius:.3g}" for radius in radii], fontsize=9, padding=1)
     words = {1: [""], 2: ["longest", "shortest"], 3: ["longest", "middle", "shortest"]}
@@ -119,11 +166,3 @@ def _bars(ax: Axes, panels: list[Panel], kind: Kind) -> None:
     if len(panels) > 1:
         ax.legend(frameon=False, fontsize=9, loc="lower left", bbox_to_anchor=(0, 0.98),
                   ncols=len(panels), borderaxespad=0.1)  # fmt: skip
-
-
-def _forces(ax: Any, arrows: list[tuple[Array, Array]], words: str) -> None:
-    """Arrows from tail to head, and what they are."""
-    for tail, head in arrows:
-        ax.quiver(*tail, *(head - tail), color=style.INK, linewidth=1.8, arrow_length_ratio=0.3)
-    if arrows:
-        ax.plot([], [], color=style.INK, linewidth=1.8, label=words)

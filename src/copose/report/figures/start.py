@@ -1,4 +1,4 @@
-"""A picture of object and arms before anything is solved, with the frames that matter."""
+"""Pictures of object and arms before anything is solved, with the frames that matter."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from matplotlib.patheffects import withStroke
 
 from copose.poses import Pose
 from copose.problem import Problem
-from copose.report import style
 from copose.report.geometry.camera import best_view
 from copose.report.geometry.link_bodies import LinkBodies, LinkBody
 from copose.report.geometry.obstacles import bodies as obstacles
+from copose.report.geometry.posture_points import object_points, planar_points, spatial_points
 from copose.report.geometry.view import View, frame, roomy
+from copose.report.look import LOOK, arm_colors
 from copose.report.scene import planar as planar_scene
 from copose.report.scene import spatial as spatial_scene
-from copose.report.scene.polygons import Polygons
-from copose.report.text.starts import StartScene, start_words
+from copose.report.scene.polygons import ON_TOP, Polygons
+from copose.report.scene.start import StartScene
+from copose.report.text.start import start_words
+from copose.report.words import short
 from copose.robots import ArmStart
-
-# Length of a frame's axes, as a share of the scene.
-_LENGTH = 0.09
 
 
 @dataclass(frozen=True, eq=False)
-class _Named:
-    """A frame of the picture, and what it is called.
+class _NamedFrame:
+    """A frame of the picture, and its name.
 
     Attributes:
-        name: what it is called.
-        pose: in the world.
-        color: of the name.
-        dashed: whether it is where something should be.
-        side: of the frame's origin on which the name stands.
+        name: the name.
+        pose: the frame in the world.
+        color: colour of the name.
+        dashed: whether it is a frame that something should have.
+        side: side of the frame's origin on which the name stands.
     """
 
     name: str
@@ -47,13 +47,13 @@ class _Named:
 
     @property
     def width(self) -> float:
-        """Of the lines, points."""
+        """Width of its lines, points."""
         return 1.4 if self.dashed else 2.4
 
     @property
     def line(self) -> Any:
-        """The kind of the lines."""
-        return style.DASHES if self.dashed else "-"
+        """Style of its lines."""
+        return LOOK.dashes if self.dashed else "-"
 
     @property
     def above(self) -> bool:
@@ -62,7 +62,7 @@ class _Named:
 
     @property
     def words(self) -> dict[str, Any]:
-        """How the name is set: away from the object."""
+        """Keywords of Matplotlib that set the name away from the object."""
         away = {"left": "right", "right": "left", "center": "center"}[self.side]
         return {
             "fontsize": 9, "ha": away, "va": "bottom" if self.above else "top", "color": self.color,
@@ -74,26 +74,26 @@ def start_figure(problem: Problem, starts: Sequence[ArmStart], *, bodies: bool =
     """Arms at their starts, the object, obstacles, and the frames of object, tips and grasps.
 
     Args:
-        problem: what is drawn.
-        starts: of its arms.
+        problem: the problem.
+        starts: starts of its arms.
         bodies: whether links are drawn, or sticks between joints.
     """
     scene, planar = StartScene.of(problem, starts, bodies=bodies), problem.space.planar
-    colors = style.arm_colors(scene.posture)
-    named = [_Named("object", problem.object.pose, style.INK)]
+    colors = arm_colors(scene.posture)
+    named = [_NamedFrame("object", problem.object.pose, LOOK.ink)]
     links, view = [], View()
     if not planar:
         links = LinkBodies.of(scene.problem).placed(scene.posture)
-        view = best_view([(links, spatial_scene.object_points(scene.posture, scene))])
+        view = best_view([(links, object_points(scene.posture, scene))])
     right = np.array([1.0, 0.0, 0.0]) if planar else view.axes[0]
     for start in starts:
-        name, color = style.short(start.arm.name), colors[start.arm.name]
+        name, color = short(start.arm.name), colors[start.arm.name]
         places = [("tip", start.tip, False)]
         places += [] if start.closed else [("grasp", start.grasp, True)]
         for what, pose, dashed in places:
             away = float(right @ (pose.position - problem.object.pose.position))
             side: Literal["left", "right"] = "left" if away < 0 else "right"
-            named.append(_Named(f"{name} {what}", pose, color, dashed, side))
+            named.append(_NamedFrame(f"{name} {what}", pose, color, dashed, side))
     given = all(start.given for start in starts)
     where = "at the start" if given else "without a start, at a random posture"
     figure = Figure(figsize=(9.0, 8.0))
@@ -101,48 +101,52 @@ def start_figure(problem: Problem, starts: Sequence[ArmStart], *, bodies: bool =
         _draw_planar(figure, scene, named)
     else:
         _draw_spatial(figure, scene, named, links, view)
-    figure.suptitle(f"{style.short(problem.name, 60)}: {where}", fontweight="bold", x=0.02,
+    figure.suptitle(f"{short(problem.name, 60)}: {where}", fontweight="bold", x=0.02,
                     y=0.985, ha="left")  # fmt: skip
     words = "\n".join(start_words(start) for start in starts)
     figure.text(0.02, 0.945, words, fontsize=9.5, va="top")
     figure.text(0.92, 0.985, "frames:", fontsize=9.5, va="top", ha="right")
-    for k, (axis, color) in enumerate(zip("xy" if planar else "xyz", style.AXES, strict=False)):
+    for k, (axis, color) in enumerate(zip("xy" if planar else "xyz", LOOK.axes, strict=False)):
         figure.text(0.94 + 0.02 * k, 0.985, axis, fontsize=9.5, va="top", ha="center", color=color,
                     fontweight="bold")  # fmt: skip
     return figure
 
 
 def _draw_spatial(
-    figure: Figure, scene: StartScene, named: Sequence[_Named], links: Sequence[LinkBody],
-    view: View,
+    figure: Figure, scene: StartScene, named: Sequence[_NamedFrame], links: Sequence[LinkBody],
+    view: View, share: float = 0.09,
 ) -> None:  # fmt: skip
+    """A scene in space; axes of frames are a share of it long."""
     ax: Any = figure.add_axes((0.0, 0.02, 1.0, 0.88), projection="3d")
-    known = spatial_scene.posture_points(scene.posture, scene)
+    known = spatial_points(scene.posture, scene)
     known = np.vstack([known, *(link.points for link in links)])
     around = obstacles(scene, known.min(axis=0), known.max(axis=0))
     low, high = roomy(np.vstack([known, *(body.points for body in around)]))
     size = float((high - low).max())
     frame(ax, low, high, ("x, m", "y, m", "z, m"), view, whole=True)
-    polygons = Polygons(view, spatial_scene.PIECE * size)
+    polygons = Polygons(view, size)
     for body in around:
         spatial_scene.draw_body(ax, polygons, body, view)
     spatial_scene.draw_posture(ax, polygons, scene.posture, scene, links, size)
     polygons.draw(ax)
-    length = _LENGTH * size
-    for each in named:
-        for axis, color in zip(each.pose.rotation.T, style.AXES, strict=True):
-            ends = np.array([each.pose.position, each.pose.position + length * axis])
-            ax.plot(*ends.T, color=color, linewidth=each.width, linestyle=each.line,
-                    zorder=spatial_scene.ON_TOP)  # fmt: skip
-        offset = view.axes[1] * (0.3 if each.above else -0.3) * length
-        ax.text(*(each.pose.position + offset), each.name, zorder=spatial_scene.ON_TOP + 1,
-                **each.words)  # fmt: skip
+    length = share * size
+    for mark in named:
+        for axis, color in zip(mark.pose.rotation.T, LOOK.axes, strict=True):
+            ends = np.array([mark.pose.position, mark.pose.position + length * axis])
+            ax.plot(*ends.T, color=color, linewidth=mark.width, linestyle=mark.line,
+                    zorder=ON_TOP)  # fmt: skip
+        offset = view.axes[1] * (0.3 if mark.above else -0.3) * length
+        ax.text(*(mark.pose.position + offset), mark.name, zorder=ON_TOP + 1,
+                **mark.words)  # fmt: skip
     ax.legend(loc="lower left", frameon=False, fontsize=9)
 
 
-def _draw_planar(figure: Figure, scene: StartScene, named: Sequence[_Named]) -> None:
+def _draw_planar(
+    figure: Figure, scene: StartScene, named: Sequence[_NamedFrame], share: float = 0.09
+) -> None:
+    """A scene in the plane; axes of frames are a share of it long."""
     ax = figure.add_axes((0.08, 0.07, 0.89, 0.8))
-    known = planar_scene.posture_points(scene.posture, scene)
+    known = planar_points(scene.posture, scene)
     size = float(np.ptp(known, axis=0).max())
     around = obstacles(scene, known.min(axis=0), known.max(axis=0))
     low, high = planar_scene.roomy(np.vstack([known, *(body.points for body in around)]), size)
@@ -153,12 +157,18 @@ def _draw_planar(figure: Figure, scene: StartScene, named: Sequence[_Named]) -> 
     ax.set_aspect("equal")
     ax.set_xlabel("x, m")
     ax.set_ylabel("y, m")
-    length = _LENGTH * size
-    for each in named:
-        origin = each.pose.position[:2]
-        for axis, color in zip(each.pose.rotation[:2, :2].T, style.AXES, strict=False):
+    length = share * size
+    for mark in named:
+        origin = mark.pose.position[:2]
+        for axis, color in zip(mark.pose.rotation[:2, :2].T, LOOK.axes, strict=False):
             ends = np.array([origin, origin + length * axis])
-            ax.plot(*ends.T, color=color, linewidth=each.width, linestyle=each.line, zorder=8)
-        ax.annotate(each.name, tuple(origin), xytext=(0, 8 if each.above else -8),
-                    textcoords="offset points", zorder=9, **each.words)  # fmt: skip
+            ax.plot(
+                *ends.T,
+                color=color,
+                linewidth=mark.width,
+                linestyle=mark.line,
+                zorder=8,
+            )
+        ax.annotate(mark.name, tuple(origin), xytext=(0, 8 if mark.above else -8),
+                    textcoords="offset points", zorder=9, **mark.words)  # fmt: skip
     ax.legend(loc="lower left", frameon=False, fontsize=9)

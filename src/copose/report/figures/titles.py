@@ -1,21 +1,22 @@
-"""What stands above the panels of a picture."""
+"""Titles of the panels of a picture."""
 
 from __future__ import annotations
 
 from copose.problem import SPACES
-from copose.report import style
-from copose.report.style import Panel
-from copose.results import Posture
+from copose.report.numbers import three
+from copose.report.panels import Panel
+from copose.report.words import short, value_words
+from copose.results import Posture, Solution
 
 
 def title(panel: Panel) -> str:
-    """What a panel shows, and in a line of its own each what is nearest and what is to be said."""
+    """A panel's name and value; in a line of its own each the nearest bodies and the note."""
     posture, solution = panel.posture, panel.solution
-    if panel.name == style.MISS:
+    if panel.misses:
         unit = "m or rad" if SPACES[solution.problem.space].rigid else "m"
         return f"{panel.name}: gap {max(posture.closure_error.values()):.3g} {unit}"
     lines = [
-        f"{panel.name}: {style.value_words(solution, posture)}",
+        f"{panel.name}: {value_words(solution, posture)}",
         distance_words(posture),
         panel.note,
     ]
@@ -23,8 +24,34 @@ def title(panel: Panel) -> str:
 
 
 def distance_words(posture: Posture, most: int = 40) -> str:
-    """The smallest distance and what it is between; empty where it is not known."""
+    """The smallest distance and the two bodies that it is between; empty where it is not known.
+
+    Args:
+        posture: the posture.
+        most: letters of a body's name.
+    """
     if posture.collision is None:
         return ""
-    pair = " – ".join(style.short(name, most) for name in posture.collision.pair)
-    return f"nearest: {style.three(posture.collision.distance)} m, {pair}"
+    pair = " – ".join(short(name, most) for name in posture.collision.pair)
+    return f"nearest: {three(posture.collision.distance)} m, {pair}"
+
+
+def moved_words(solution: Solution, *, most: int = 4, least: float = 0.01) -> str:
+    """The joints that differ most between before and after, and by how much, rad or m.
+
+    Args:
+        solution: a result; where it has not both postures, or nothing moves, the words are empty.
+        most: joints that are named.
+        least: smallest move that is worth naming, rad or m.
+    """
+    before, after = solution.before, solution.after
+    if before is None or after is None:
+        return ""
+    moves = [
+        (new - old, f"{short(arm)} {short(name, 30)}")
+        for arm, names in solution.joint_names.items()
+        for name, old, new in zip(names, before.joints[arm], after.joints[arm], strict=True)
+    ]
+    largest = sorted(moves, key=lambda move: -abs(move[0]))[:most]
+    named = [f"{name} {move:+.2f}" for move, name in largest if abs(move) >= least]
+    return f"moved most, rad or m: {', '.join(named)}" if named else ""

@@ -1,4 +1,4 @@
-"""Within which boxes free positions may be."""
+"""Boxes within which free positions of object, bases and grasps may be."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from copose.poses import Array, rotation_rows
 from copose.report.geometry.shapes import turn
-from copose.report.style import MISS, Panel
+from copose.report.panels import Panel
 from copose.results import CasePosture, FreeRecord, PlanarPlace, Posture
 
 
@@ -18,7 +18,7 @@ class Range:
     """The box of positions that something may take; flat along what is not free.
 
     Attributes:
-        arm: whose base or grasp; None for the object.
+        arm: the arm of a base or grasp; None for the object.
         what: ``object``, ``base`` or ``grasp``.
         edges: ends of each that has a length, in the world, (e, 2, d).
     """
@@ -32,17 +32,17 @@ def ranges(panel: Panel) -> list[Range]:
     """The boxes around the file's positions in which a posture's free positions had to be."""
     posture = panel.posture
     case = f"{posture.name}: " if isinstance(posture, CasePosture) else ""
-    here = np.array(posture.object.position)
-    nothing, world = np.zeros(len(here)), np.eye(len(here))
-    found = [Range(None, "object", _edges(panel, f"{case}object", here, nothing, world))]
+    center = np.array(posture.object.position)
+    nothing, world = np.zeros(len(center)), np.eye(len(center))
+    boxes = [Range(None, "object", _edges(panel, f"{case}object", center, nothing, world))]
     for arm, base in (posture.base or {}).items():
         position = np.array(base.position)
-        found.append(Range(arm, "base", _edges(panel, f"{arm}.base", position, nothing, world)))
+        boxes.append(Range(arm, "base", _edges(panel, f"{arm}.base", position, nothing, world)))
     axes = object_axes(posture)
     for arm, grasp in (posture.grasp or {}).items():
         position = np.array(grasp.position)
-        found.append(Range(arm, "grasp", _edges(panel, f"{arm}.grasp", position, here, axes)))
-    return [each for each in found if len(each.edges)]
+        boxes.append(Range(arm, "grasp", _edges(panel, f"{arm}.grasp", position, center, axes)))
+    return [box for box in boxes if len(box.edges)]
 
 
 def object_axes(posture: Posture) -> Array:
@@ -54,11 +54,11 @@ def object_axes(posture: Posture) -> Array:
 
 
 def _offset(record: FreeRecord, panel: Panel) -> float | None:
-    """How far from the file's a coordinate is in a panel; None where nothing says so."""
+    """The offset of a coordinate from the file's pose in a panel; None where it is not known."""
     earlier = (panel.solution.before, *(panel.solution.cases_before or ()))
     was = any(panel.posture is posture for posture in earlier)
     offset = record.before if was else record.after
-    if offset is None and panel.name == MISS and panel.solution.search is not None:
+    if offset is None and panel.misses and panel.solution.search is not None:
         # A search tells of what it misses at the file's pose, or as near to it as the range has it.
         return min(max(0.0, record.lower), record.upper)
     return offset

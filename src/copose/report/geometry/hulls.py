@@ -1,4 +1,4 @@
-"""Convex solids as faces and edges."""
+"""Convex hulls of points as faces and edges."""
 
 from __future__ import annotations
 
@@ -10,11 +10,6 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from copose.poses import Array
-
-# Triangles lie in one face where their normals and distances agree to so many digits.
-_DIGITS = 7
-# Points are flat where their least extent is so small a part of their largest.
-_FLAT = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +29,7 @@ class Solid:
     sides: Array
 
     def outline(self, view: Array) -> Array:
-        """Corners, in order, of what is seen from afar; view: the axes of the picture, (2, 3)."""
+        """Corners, in order, of the outline seen from afar; view: the picture's axes, (2, 3)."""
         points = np.vstack(self.faces)
         return np.asarray(points[_even_hull(points @ view.T)[0].vertices])
 
@@ -47,7 +42,8 @@ class Solid:
             hull, even = _even_hull(points)
         except QhullError:
             return None
-        planes, of_plane = np.unique(np.round(hull.equations, _DIGITS), axis=0, return_inverse=True)
+        # Triangles lie in one face where their normals and distances agree to seven digits.
+        planes, of_plane = np.unique(np.round(hull.equations, 7), axis=0, return_inverse=True)
         normals = planes[:, :3] @ even.T
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         borders: dict[tuple[int, int], list[int]] = defaultdict(list)
@@ -66,14 +62,14 @@ class Solid:
 
 
 def _even_hull(points: Array) -> tuple[ConvexHull, Array]:
-    """The hull of points, (k, d), as the map E of points to where no direction is thin has them.
+    """The hull of points, (k, d), in coordinates in which no direction is thin, and the map there.
 
     Raises:
         QhullError: the points are flat.
     """
     offset = points - points.mean(axis=0)
     _, extents, rows = np.linalg.svd(offset, full_matrices=False)
-    if extents[-1] <= _FLAT * extents[0]:
+    if extents[-1] <= 1e-12 * extents[0]:
         raise QhullError("flat")
     even = rows.T / extents
     return ConvexHull(offset @ even), even

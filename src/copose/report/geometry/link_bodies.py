@@ -17,8 +17,8 @@ class LinkBody:
     """One convex part of a link in the world.
 
     Attributes:
-        arm: whose; None of what a robot's arms share.
-        frame: of the arm that moves it, 0 for the root.
+        arm: name of the arm; None for a body that arms of a robot share.
+        frame: frame of the arm that moves it, 0 for the root.
         last: whether the arm's last joint moves it: a hand.
         faces: triangles, (f, 3, 3).
         normals: unit, outwards, (f, 3).
@@ -58,12 +58,12 @@ class LinkBodies:
     def of(cls, problem: ProblemRecord) -> LinkBodies:
         """The bodies of a problem's arms; none where their shapes are not known."""
         parts = []
-        for each in problem.links:
-            points = np.array(each.points)
+        for link in problem.links:
+            points = np.array(link.points)
             with contextlib.suppress(QhullError, ValueError):
                 hull = ConvexHull(points)
                 normals = hull.equations[:, :3]
-                parts.append((each.arm, each.frame, points[hull.simplices], normals))
+                parts.append((link.arm, link.frame, points[hull.simplices], normals))
         rooted = frozenset(arm for arm, frame, *_ in parts if frame == 0)
         # Of a robot with several arms the first one's root carries what stands still.
         alone = rooted.issuperset(arm for arm, *_ in parts)
@@ -71,14 +71,14 @@ class LinkBodies:
 
     def placed(self, posture: Posture) -> list[LinkBody]:
         """The bodies where a posture has them."""
-        found = []
+        placed = []
         for arm, k, triangles, normals in self.parts:
             rotation, position = _frame(posture, arm, k)
             faces = triangles @ rotation.T + position
             owner = None if k == 0 and arm in self.shared else arm
             last = k == len(posture.arms[arm].skeleton) - 2
-            found.append(LinkBody(owner, k, last, faces, normals @ rotation.T))
-        return found
+            placed.append(LinkBody(owner, k, last, faces, normals @ rotation.T))
+        return placed
 
 
 def flat_links(problem: ProblemRecord, posture: Posture) -> dict[str, list[Array]]:
@@ -86,16 +86,16 @@ def flat_links(problem: ProblemRecord, posture: Posture) -> dict[str, list[Array
 
     Only of postures that keep clear: planar links are lines else.
     """
-    found: dict[str, list[Array]] = {}
+    outlines: dict[str, list[Array]] = {}
     if posture.collision is None:
-        return found
-    for each in problem.links:
-        rotation, position = _frame(posture, each.arm, each.frame)
-        points = (np.array(each.points) @ rotation.T + position)[:, :2]
+        return outlines
+    for link in problem.links:
+        rotation, position = _frame(posture, link.arm, link.frame)
+        points = (np.array(link.points) @ rotation.T + position)[:, :2]
         # A link without thickness has no hull.
         with contextlib.suppress(QhullError, ValueError):
-            found.setdefault(each.arm, []).append(points[ConvexHull(points).vertices])
-    return found
+            outlines.setdefault(link.arm, []).append(points[ConvexHull(points).vertices])
+    return outlines
 
 
 def _frame(posture: Posture, arm: str, k: int) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""What stands around a posture: obstacles, and the bodies of links."""
+"""Obstacles around a posture as polygons."""
 
 from __future__ import annotations
 
@@ -9,21 +9,17 @@ import numpy as np
 from copose.poses import Array
 from copose.problem import Obstacle, PlanarObstacle
 from copose.report.geometry.shapes import cut, faces, outline
-from copose.report.style import Drawn
-
-# How far beyond arms and object large obstacles are drawn, as a share of the scene: a floor would
-# dwarf what stands on it.
-_BEYOND = 0.25
+from copose.report.panels import Drawn
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """What a picture shows of an obstacle.
+    """The part of an obstacle that a picture shows.
 
     Attributes:
-        name: the obstacle's.
+        name: name of the obstacle.
         faces: polygons in the world, (k, d) each; one in the plane.
-        round: whether the edges between faces are none of its own.
+        round: whether the obstacle is round, so that edges between faces are not drawn.
     """
 
     name: str
@@ -36,11 +32,19 @@ class Body:
         return np.vstack(self.faces)
 
 
-def bodies(solution: Drawn, low: Array, high: Array) -> list[Body]:
-    """Obstacles near a scene from low to high; of those larger than it the parts that are near."""
+def bodies(solution: Drawn, low: Array, high: Array, *, margin: float = 0.25) -> list[Body]:
+    """Obstacles near a scene; of those larger than it the parts that are near.
+
+    Args:
+        solution: the result, or the problem.
+        low: least coordinates of arms and object, (d,).
+        high: largest coordinates, (d,).
+        margin: distance up to which large obstacles are drawn, as a share of the scene: a whole
+            floor would dwarf what stands on it.
+    """
     size = float((high - low).max())
-    beyond = _BEYOND * size
-    found = []
+    beyond = margin * size
+    shown = []
     for obstacle in solution.problem.obstacles:
         whole = _faces(obstacle)
         parts = [cut(face, low - beyond, high + beyond) for face in whole]
@@ -48,11 +52,12 @@ def bodies(solution: Drawn, low: Array, high: Array) -> list[Body]:
         if near and float(np.ptp(np.vstack(whole), axis=0).max()) <= size:
             near = tuple(whole)
         if near:
-            found.append(Body(obstacle.name, near, obstacle.shape.kind != "box"))
-    return found
+            shown.append(Body(obstacle.name, near, obstacle.shape.kind != "box"))
+    return shown
 
 
 def _faces(obstacle: Obstacle | PlanarObstacle) -> list[Array]:
+    """An obstacle as polygons in the world."""
     if isinstance(obstacle, PlanarObstacle):
         return [outline(obstacle.shape, obstacle.position, obstacle.angle)]
     return faces(obstacle.shape, obstacle.position, obstacle.pose.rotation)

@@ -10,8 +10,6 @@ import numpy as np
 from copose.poses import Array
 from copose.problem import CapsuleShape, Shape
 
-_HALF = np.linspace(0, np.pi, 7)
-
 
 def faces(shape: Shape | CapsuleShape, position: Sequence[float], rotation: Array) -> list[Array]:
     """The surface of a shape in space, faces of (k, 3) corners."""
@@ -54,10 +52,12 @@ def cut(corners: Array, low: Array, high: Array) -> Array:
 
 
 def _faces(shape: Shape | CapsuleShape) -> list[Array]:
+    """The surface of a shape in its own frame."""
     if shape.kind == "box":
         return _box(np.array(shape.size) / 2)
     if shape.kind == "sphere":
-        return _tube(shape.radius * np.sin(_HALF), shape.radius * np.cos(_HALF))
+        polar = np.linspace(0, np.pi, 7)
+        return _tube(shape.radius * np.sin(polar), shape.radius * np.cos(polar))
     assert shape.kind != "disk", "disks are of the plane"
     length = shape.length / 2
     if shape.kind == "capsule":
@@ -71,6 +71,7 @@ def _faces(shape: Shape | CapsuleShape) -> list[Array]:
 
 
 def _box(half: Array) -> list[Array]:
+    """The six faces of a box, by half of its size, (3,)."""
     boxed = []
     for axis in range(3):
         for sign in (-1.0, 1.0):

@@ -1,4 +1,4 @@
-"""Parts of an ellipsoid that can be drawn where the arms are."""
+"""Slices of ellipsoids that can be drawn at the object."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from copose.capability import Ellipsoid
 from copose.poses import Array
 from copose.problem import SPACES
-from copose.report.style import ANGULAR_AXES, LINEAR_AXES
+from copose.report.axes import ANGULAR_AXES, LINEAR_AXES
 from copose.results import EllipsoidRecord, Solution
 
 
@@ -19,8 +19,8 @@ class Slice:
     """The slice of an ellipsoid in which all linear, or all angular, accelerations are zero.
 
     Attributes:
-        ellipsoid: in the d coordinates that are left.
-        world: which world axis each of them is along, or about.
+        ellipsoid: the slice in the d coordinates that are left.
+        world: the world axis that each of them is along, or about.
     """
 
     ellipsoid: Ellipsoid
@@ -63,6 +63,7 @@ def angular_slice(record: EllipsoidRecord, names: Sequence[str]) -> Slice | None
 
 
 def _slice(record: EllipsoidRecord, names: Sequence[str], world: dict[str, int]) -> Slice | None:
+    """The slice of an ellipsoid along some of the named coordinates; None where there are none."""
     rows = [i for i, name in enumerate(names) if name in world]
     ellipsoid = record.value
     if ellipsoid is None or not rows:

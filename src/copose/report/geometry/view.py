@@ -1,4 +1,4 @@
-"""Axes in space that all pictures share, and the direction they are seen from."""
+"""Views of scenes in space, and the axes that they are drawn in."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A motion in the world: arms and object at some of its times, and the object's way."""
+"""Scenes of motions: arms and object at some of their times, and the path of the object."""
 
 from __future__ import annotations
 
@@ -13,21 +13,17 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from copose.poses import Array
 from copose.problem import SPACES
-from copose.report import style
-from copose.report.charts import legends
+from copose.report.charts.legends import small_legend
 from copose.report.geometry.camera import best_view
 from copose.report.geometry.link_bodies import LinkBodies
 from copose.report.geometry.obstacles import bodies
+from copose.report.geometry.posture_points import object_points, planar_points, spatial_points
 from copose.report.geometry.view import View, frame, roomy
+from copose.report.look import LOOK
 from copose.report.scene import planar as planar_scene
 from copose.report.scene import spatial as spatial_scene
-from copose.report.scene.polygons import Polygons
+from copose.report.scene.polygons import ON_TOP, Polygons
 from copose.results import Knot, Motion
-
-# How dark the first ghost and the last are.
-_FAINT, _STRONG = 0.18, 0.55
-# Times that axes in space are fitted to their place: labels do not grow with them.
-_FITS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +31,14 @@ class MotionScene:
     """Axes in which all postures of a motion have room.
 
     Attributes:
-        motion: what moves.
+        motion: the motion.
         knots: its postures.
         planar: whether it moves in the plane.
         near: the box around arms and objects, (2, d).
         links: bodies of the arms.
-        view: where it is seen from.
-        low: the least coordinates of the axes; ``high`` the largest.
+        view: the direction that it is seen from.
+        low: least coordinates of the axes.
+        high: largest coordinates of the axes.
     """
 
     motion: Motion
@@ -58,14 +55,14 @@ class MotionScene:
         """The scene of a motion that has knots."""
         assert motion.knots is not None
         planar = SPACES[motion.problem.space].planar
-        scene = planar_scene if planar else spatial_scene
-        points = np.vstack([scene.posture_points(knot, motion) for knot in motion.knots])
+        posture_points = planar_points if planar else spatial_points
+        points = np.vstack([posture_points(knot, motion) for knot in motion.knots])
         links, view = LinkBodies((), frozenset()), View()
         if not planar:
             links, ends = LinkBodies.of(motion.problem), (motion.knots[0], motion.knots[-1])
             around = [links.placed(knot) for knot in ends]
-            points = np.vstack([points, *(body.points for some in around for body in some)])
-            things = [spatial_scene.object_points(knot, motion) for knot in ends]
+            points = np.vstack([points, *(body.points for placed in around for body in placed)])
+            things = [object_points(knot, motion) for knot in ends]
             view = best_view(list(zip(around, things, strict=True)))
         near = np.array([points.min(axis=0), points.max(axis=0)])
         known = np.vstack([near, *(body.points for body in bodies(motion, *near))])
@@ -75,16 +72,17 @@ class MotionScene:
 
     @property
     def _scene(self) -> Any:
+        """The module that draws its postures."""
         return planar_scene if self.planar else spatial_scene
 
     def axes(self, figure: Figure, place: Any) -> Any:
-        """What stands still: obstacles and the object's way."""
+        """Axes with all that stands still: obstacles and the object's path."""
         ax: Any = figure.add_subplot(place, projection=None if self.planar else "3d")
         way = np.array([knot.object.position for knot in self.knots])
         if self.planar:
             planar_scene.draw_bodies(ax, self.motion, self.low, self.high)
-            ax.plot(*way.T, color=style.INK, linewidth=1.2, zorder=2.5)
-            ax.plot(*way[0], color=style.INK, marker="o", markersize=5, markerfacecolor="white",
+            ax.plot(*way.T, color=LOOK.ink, linewidth=1.2, zorder=2.5)
+            ax.plot(*way[0], color=LOOK.ink, marker="o", markersize=5, markerfacecolor="white",
                     zorder=2.5)  # fmt: skip
             ax.set_xlim(self.low[0], self.high[0])
             ax.set_ylim(self.low[1], self.high[1])
@@ -93,18 +91,19 @@ class MotionScene:
             ax.set_ylabel("y, m")
             ax.tick_params(labelsize=9)
         else:
-            ax.plot(*way.T, color=style.INK, linewidth=1.2, zorder=spatial_scene.ON_TOP)
-            ax.plot(*way[:1].T, color=style.INK, marker="o", markersize=5, markerfacecolor="white",
-                    zorder=spatial_scene.ON_TOP)  # fmt: skip
+            ax.plot(*way.T, color=LOOK.ink, linewidth=1.2, zorder=ON_TOP)
+            ax.plot(*way[:1].T, color=LOOK.ink, marker="o", markersize=5, markerfacecolor="white",
+                    zorder=ON_TOP)  # fmt: skip
             frame(ax, self.low, self.high, ("x, m", "y, m", "z, m"), self.view)
             ax.patch.set_visible(False)
             self._fill(ax)
         return ax
 
     def _fill(self, ax: Any) -> None:
-        """As large in its place as its labels leave room for."""
+        """Make axes as large in their place as their labels leave room for."""
         figure, place = ax.get_figure(), ax.get_position(original=True)
-        for _ in range(_FITS):
+        # Labels do not grow with axes: three rounds settle.
+        for _ in range(3):
             figure.draw_without_rendering()
             seen = self._seen(ax).transformed(figure.transFigure.inverted())
             grow = min(place.width / seen.width, place.height / seen.height)
@@ -122,10 +121,10 @@ class MotionScene:
         return Bbox.union([Bbox([flat.min(axis=0), flat.max(axis=0)]), *labels])
 
     def legend(self, figure: Figure, ax: Any, left: float, top: float, columns: int) -> None:
-        """Which arm is which, from a corner on."""
+        """A legend of the arms, with its upper left corner at a place."""
         handles, labels = ax.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="upper left", bbox_to_anchor=(left, top), ncols=columns,
-                      **legends.SMALL)  # fmt: skip
+        small_legend(figure, handles, labels, loc="upper left", bbox_to_anchor=(left, top),
+                     ncols=columns)  # fmt: skip
 
     def posture(self, ax: Any, k: int) -> None:
         """Arms, object and obstacles at a knot."""
@@ -134,7 +133,7 @@ class MotionScene:
             planar_scene.draw_posture(ax, knot, self.motion)
             return
         size = float((self.high - self.low).max())
-        polygons = Polygons(self.view, spatial_scene.PIECE * size)
+        polygons = Polygons(self.view, size)
         for body in bodies(self.motion, *self.near):
             spatial_scene.draw_body(ax, polygons, body, self.view)
         links = self.links.placed(knot)
@@ -143,17 +142,19 @@ class MotionScene:
 
     def ghosts(self, ax: Any, ks: list[int]) -> None:
         """Arms and object at some knots, light to dark."""
-        for k, strength in zip(ks, np.linspace(_FAINT, _STRONG, len(ks)), strict=True):
+        for k, strength in zip(ks, np.linspace(0.18, 0.55, len(ks)), strict=True):
             self._scene.draw_ghost(ax, self.knots[k], self.motion, float(strength))
 
     def spaced(self, count: int) -> list[int]:
-        """As many knots, or fewer, between which arms and object move equally far."""
-        points = np.array([self._scene.posture_points(knot, self.motion) for knot in self.knots])
+        """At most so many knots, between which arms and object move equally far."""
+        posture_points = planar_points if self.planar else spatial_points
+        points = np.array([posture_points(knot, self.motion) for knot in self.knots])
         steps = np.linalg.norm(np.diff(points, axis=0), axis=2).max(axis=1)
         way = np.concatenate([[0.0], np.cumsum(steps)])
-        wanted = np.linspace(0.0, way[-1], count)
-        return sorted({int(np.argmin(np.abs(way - each))) for each in wanted} | {len(way) - 1})
+        marks = np.linspace(0.0, way[-1], count)
+        return sorted({int(np.argmin(np.abs(way - mark))) for mark in marks} | {len(way) - 1})
 
 
 def _middle(box: Bbox) -> Array:
+    """The middle of a box."""
     return np.asarray(box.corners().mean(axis=0))

@@ -1,4 +1,4 @@
-"""One posture in the plane: object, arms, ellipses, and what stands around."""
+"""Scenes in the plane: object, arms, ellipses, obstacles, and free ranges."""
 
 from __future__ import annotations
 
@@ -14,23 +14,20 @@ from matplotlib.patheffects import withStroke
 
 from copose.poses import Array
 from copose.problem import PlanarObstacle
-from copose.report import style
-from copose.report.charts import legends
+from copose.report.charts.legends import Entry
 from copose.report.geometry.free_ranges import ranges
 from copose.report.geometry.link_bodies import flat_links
 from copose.report.geometry.obstacles import bodies
+from copose.report.geometry.posture_points import object_outline, planar_points
 from copose.report.geometry.shapes import cut, outline
 from copose.report.geometry.slices import Slice, all_coordinates, linear_slice
-from copose.report.style import Drawn, Panel
-from copose.results import PlanarPlace, Posture
+from copose.report.look import LOOK, arm_colors
+from copose.report.panels import Drawn, Panel, holds, shared_scales
+from copose.report.words import short
+from copose.results import Posture
 
-# The longest semi-axis drawn, as a share of the scene's larger side.
-_ELLIPSE_SHARE = 0.3
-# Width of a letter of an obstacle's name, as a share of a scene's.
-_LETTER = 0.016
-
-# Centre, slice and arm of an ellipse; the system's has no arm.
 Placed: TypeAlias = tuple[Array, Slice, str | None]
+"""Centre, slice and arm of an ellipse; the system's has no arm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +37,9 @@ class Stage:
     Attributes:
         placed: ellipses, by panel.
         scales: metres drawn per unit of acceleration, by panel; None where nothing is drawn.
-        size: of arms and objects, m.
-        low: the least x and y of what is drawn, (2,); ``high`` the largest.
+        size: size of arms and objects, m.
+        low: least x and y of all that is drawn, (2,).
+        high: largest x and y.
     """
 
     placed: list[list[Placed]]
@@ -52,18 +50,18 @@ class Stage:
 
     @classmethod
     def of(cls, panels: list[Panel]) -> Stage:
-        """Where all of the panels have room."""
+        """Axes in which all panels have room; the longest semi-axis is 0.3 of arms and objects."""
         points = [_points(panels)]
         size = float((points[0].max(axis=0) - points[0].min(axis=0)).max())
         placed = [_placed(panel) for panel in panels]
         longest = [
             max((float(p.ellipsoid.radii[0]) for _, p, _ in ps), default=0.0) for ps in placed
         ]
-        scales = style.scales(panels, longest, _ELLIPSE_SHARE * size)
+        scales = shared_scales(panels, longest, 0.3 * size)
         for scale, parts in zip(scales or [], placed, strict=scales is not None):
             points += [center + scale * part.surface[..., :2] for center, part, _ in parts]
         for panel in panels:
-            points += [each.edges.reshape(-1, 2) for each in ranges(panel)]
+            points += [box.edges.reshape(-1, 2) for box in ranges(panel)]
             outlines = flat_links(panel.solution.problem, panel.posture)
             points += [rim for rims in outlines.values() for rim in rims]
         known = np.vstack(points)
@@ -100,129 +98,126 @@ def roomy(points: Array, size: float) -> tuple[Array, Array]:
 def _placed(panel: Panel) -> list[Placed]:
     """The ellipses of a posture."""
     posture, solution = panel.posture, panel.solution
-    found: list[Placed] = []
+    placed: list[Placed] = []
     for name, arm in posture.arms.items():
         own = linear_slice(arm.ellipsoid, all_coordinates(solution))
-        if own is not None and posture.closure_error[name] <= style.OPEN:
-            found.append((np.array(arm.skeleton[-1][:2]), own, name))
+        if own is not None and holds(posture, name):
+            placed.append((np.array(arm.skeleton[-1][:2]), own, name))
     whole = linear_slice(posture.ellipsoid, solution.problem.axes)
     if whole is not None:
-        found.append((np.array(posture.object.position), whole, None))
-    return found
+        placed.append((np.array(posture.object.position), whole, None))
+    return placed
 
 
 def _points(panels: list[Panel]) -> Array:
     """Points of arms and objects."""
-    return np.vstack([posture_points(panel.posture, panel.solution) for panel in panels])
+    return np.vstack([planar_points(panel.posture, panel.solution) for panel in panels])
 
 
-def posture_points(posture: Posture, solution: Drawn) -> Array:
-    """Points of arms and object, (k, 2)."""
-    points = [np.array([*arm.skeleton, arm.grasp])[:, :2] for arm in posture.arms.values()]
-    rim = _outline(posture, solution)
-    return np.vstack([*points, *([] if rim is None else [rim]), posture.object.position])
+def draw_bodies(
+    ax: Axes, solution: Drawn, low: Array, high: Array, *, letter: float = 0.016
+) -> None:
+    """Obstacles, each with its name in the middle of its visible part, or below.
 
-
-def _outline(posture: Posture, solution: Drawn) -> Array | None:
-    shape, place = solution.problem.shape, posture.object
-    if shape is None or not isinstance(place, PlanarPlace):
-        return None
-    return outline(shape, place.position, place.angle)
-
-
-def draw_bodies(ax: Axes, solution: Drawn, low: Array, high: Array) -> None:
-    """Obstacles, each with its name in the middle of what is seen of it, or below."""
-    for each in solution.problem.obstacles:
-        if not isinstance(each, PlanarObstacle):
+    Args:
+        ax: the axes.
+        solution: the result, or the problem.
+        low: least x and y of the axes.
+        high: largest x and y of the axes.
+        letter: width of a letter of a name, as a share of the axes.
+    """
+    for obstacle in solution.problem.obstacles:
+        if not isinstance(obstacle, PlanarObstacle):
             continue
-        corners = outline(each.shape, each.position, each.angle)
+        corners = outline(obstacle.shape, obstacle.position, obstacle.angle)
         seen = cut(corners, low, high)
         if not len(seen):
             continue
-        body = Polygon(corners, facecolor="#EFEFEF", edgecolor=style.OBSTACLE, linewidth=1,
+        body = Polygon(corners, facecolor="#EFEFEF", edgecolor=LOOK.obstacle, linewidth=1,
                        hatch="////", zorder=1)  # fmt: skip
         ax.add_patch(body)
-        words = style.short(each.name)
+        words = short(obstacle.name)
         first, last = seen.min(axis=0), seen.max(axis=0)
-        width = _LETTER * len(words) * (high - low)[0]
+        width = letter * len(words) * (high - low)[0]
         small = (last - first)[0] < width and (last - first)[1] < 0.15 * (high - low)[1]
         x, y = (first + last) / 2
         x = np.clip(x, low[0] + width / 2, high[0] - width / 2)
-        name = ax.text(x, first[1] if small else y, words, fontsize=8, color=style.INK,
+        name = ax.text(x, first[1] if small else y, words, fontsize=8, color=LOOK.ink,
                        ha="center", va="top" if small else "center", zorder=8)  # fmt: skip
         name.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
 
 
 def draw_ghost(ax: Axes, posture: Posture, solution: Drawn, strength: float) -> None:
     """Arms and object as they pass by."""
-    rim = _outline(posture, solution)
+    rim = object_outline(posture, solution)
     if rim is not None:
-        ax.add_patch(Polygon(rim, fill=False, edgecolor=style.INK, linewidth=0.8, zorder=1.8,
+        ax.add_patch(Polygon(rim, fill=False, edgecolor=LOOK.ink, linewidth=0.8, zorder=1.8,
                              alpha=0.7 * strength))  # fmt: skip
-    for name, color in style.arm_colors(posture).items():
+    for name, color in arm_colors(posture).items():
         points = np.array(posture.arms[name].skeleton)[:, :2]
         ax.plot(*points.T, color=color, linewidth=3, alpha=strength, zorder=1.9,
                 solid_capstyle="round", solid_joinstyle="round")  # fmt: skip
 
 
 def draw_posture(ax: Axes, posture: Posture, solution: Drawn) -> None:
-    """Arms, object and what keeps them apart."""
-    ax.grid(True, color="#EEEEEE", linewidth=0.8)
+    """Arms and object; bodies of links where these keep clear."""
+    ax.grid(True, color=LOOK.grid, linewidth=0.8)
     ax.set_axisbelow(True)
     center = np.array(posture.object.position)
-    colors = style.arm_colors(posture)
+    colors = arm_colors(posture)
     for name, corners in flat_links(solution.problem, posture).items():
         # In one piece, so that overlaps are no darker.
-        rims = [Path(np.vstack([each, each[:1]]), closed=True) for each in corners]
+        rims = [Path(np.vstack([rim, rim[:1]]), closed=True) for rim in corners]
         ax.add_patch(PathPatch(Path.make_compound_path(*rims), facecolor=colors[name], alpha=0.15,
                                linewidth=0, zorder=1.5))  # fmt: skip
-    rim = _outline(posture, solution)
+    rim = object_outline(posture, solution)
     if rim is not None:
         ax.add_patch(
-            Polygon(rim, facecolor=style.OBJECT, edgecolor=style.INK, linewidth=1, zorder=2)
+            Polygon(rim, facecolor=LOOK.held_object, edgecolor=LOOK.ink, linewidth=1, zorder=2)
         )
     for name, color in colors.items():
         arm = posture.arms[name]
         points = np.array(arm.skeleton)[:, :2]
         ax.plot(*points.T, color=color, linewidth=5, solid_capstyle="round",
                 solid_joinstyle="round", alpha=0.85, zorder=3,
-                label=f"arm {style.short(name)}")  # fmt: skip
+                label=f"arm {short(name)}")  # fmt: skip
         ax.plot(*points[1:-1].T, linestyle="", marker="o", markersize=7, markerfacecolor="white",
-                markeredgecolor=style.INK, markeredgewidth=1.2, zorder=5)  # fmt: skip
-        ax.plot(*points[-1], marker="o", markersize=4, color=style.INK, zorder=5)
+                markeredgecolor=LOOK.ink, markeredgewidth=1.2, zorder=5)  # fmt: skip
+        ax.plot(*points[-1], marker="o", markersize=4, color=LOOK.ink, zorder=5)
         ax.plot(*points[0], marker="s", markersize=12, color=color, alpha=0.5, zorder=2)
-        if posture.closure_error[name] > style.OPEN:
+        if not holds(posture, name):
             gap = np.array([points[-1], arm.grasp[:2]])
-            ax.plot(*gap.T, color=style.INK, linewidth=1.2, linestyle=":", zorder=5)
-            ax.plot(*gap[1], marker="x", markersize=8, color=style.INK, zorder=6)
-    ax.add_patch(Circle(tuple(center), 0.008, color=style.INK, zorder=6))
+            ax.plot(*gap.T, color=LOOK.ink, linewidth=1.2, linestyle=":", zorder=5)
+            ax.plot(*gap[1], marker="x", markersize=8, color=LOOK.ink, zorder=6)
+    ax.add_patch(Circle(tuple(center), 0.008, color=LOOK.ink, zorder=6))
 
 
 def _ellipses(ax: Axes, panel: Panel, parts: list[Placed], scale: float) -> None:
-    colors = style.arm_colors(panel.posture)
+    """Ellipses of the arms and of the system, and the other panel's as an outline."""
+    colors = arm_colors(panel.posture)
     if panel.other is not None:
         axes = panel.other.solution.problem.axes
         other = linear_slice(panel.other.posture.ellipsoid, axes)
         if other is not None:
             curve = np.array(panel.posture.object.position) + scale * other.surface[..., :2]
-            ax.plot(*curve.T, color=style.INK, linewidth=1.4, linestyle=":", zorder=6)
+            ax.plot(*curve.T, color=LOOK.ink, linewidth=1.4, linestyle=":", zorder=6)
     for center, part, name in parts:
         curve = center + scale * part.surface[..., :2]
         if name is not None:
             ax.plot(*curve.T, color=colors[name], linewidth=1.4, linestyle="--", zorder=4)
             continue
-        ax.fill(*curve.T, color=style.SYSTEM, alpha=0.25, zorder=4)
-        ax.plot(*curve.T, color=style.SYSTEM, linewidth=2.2, zorder=6, label=legends.TOGETHER)
+        ax.fill(*curve.T, color=LOOK.system, alpha=0.25, zorder=4)
+        ax.plot(*curve.T, color=LOOK.system, linewidth=2.2, zorder=6, label=Entry.TOGETHER)
 
 
 def _ranges(ax: Axes, panel: Panel) -> None:
-    """Dashed boxes of what is free."""
-    colors, found = style.arm_colors(panel.posture), ranges(panel)
-    for each in found:
-        color = style.INK if each.arm is None else colors[each.arm]
-        for edge in each.edges:
-            ax.plot(*edge.T, color=color, linewidth=1.4, linestyle=style.DASHES, zorder=7,
-                    marker="." if len(each.edges) == 1 else "")  # fmt: skip
-    if found:
-        ax.plot([], [], color=style.INK, linewidth=1.4, linestyle=style.DASHES,
-                label=legends.RANGES)  # fmt: skip
+    """Dashed boxes of free positions."""
+    colors, boxes = arm_colors(panel.posture), ranges(panel)
+    for box in boxes:
+        color = LOOK.ink if box.arm is None else colors[box.arm]
+        for edge in box.edges:
+            ax.plot(*edge.T, color=color, linewidth=1.4, linestyle=LOOK.dashes, zorder=7,
+                    marker="." if len(box.edges) == 1 else "")  # fmt: skip
+    if boxes:
+        ax.plot([], [], color=LOOK.ink, linewidth=1.4, linestyle=LOOK.dashes,
+                label=Entry.RANGES)  # fmt: skip

@@ -10,43 +10,43 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from copose.report.style import Answer
+from copose.report.words import Answer
 from copose.results import Timing
 
 
 def heading(name: str, text: str) -> Text:
-    """What stands above tables."""
+    """The line above tables: a name, and a text on it."""
     return Text.assemble((name, "bold"), f": {text}")
 
 
 def status_line(answer: Answer) -> Text:
-    """How a result ended, and why."""
+    """The status of a result, and its reason."""
     said = ": ".join(filter(None, (answer.status, answer.reason)))
     return heading(answer.problem.name, said)
 
 
 def sections(parts: Iterable[RenderableType]) -> Group:
     """Lines and tables one below the other, an empty line before and after every table."""
-    found: list[RenderableType] = []
+    stacked: list[RenderableType] = []
     after = False
     for part in parts:
-        if after or (found and isinstance(part, Table)):
-            found.append("")
-        found.append(part)
+        if after or (stacked and isinstance(part, Table)):
+            stacked.append("")
+        stacked.append(part)
         after = isinstance(part, Table)
-    return Group(*found)
+    return Group(*stacked)
 
 
 def lines(pairs: Iterable[tuple[str, str]], style: str = "") -> list[Table]:
-    """A sentence beside what it is about, line by line; nothing where there is none."""
-    found = Table.grid(padding=(0, 1))
+    """Sentences, each beside its subject in a line of its own; no table where there is none."""
+    grid = Table.grid(padding=(0, 1))
     for about, sentence in pairs:
-        found.add_row(Text(about, style), Text(sentence, style))
-    return [found] if found.row_count else []
+        grid.add_row(Text(about, style), Text(sentence, style))
+    return [grid] if grid.row_count else []
 
 
 def note_lines(notes: Sequence[str]) -> list[Table]:
-    """What stands below tables."""
+    """Notes below tables."""
     return lines((("note:", note) for note in notes), "dim")
 
 
@@ -56,7 +56,7 @@ def counted(count: int, one: str, many: str | None = None) -> str:
 
 
 def times(count: int) -> str:
-    """How often: ``once``, ``3 times``."""
+    """A number of times: ``once``, ``3 times``."""
     return {1: "once", 2: "twice"}.get(count, f"{count:,} times")
 
 
@@ -101,7 +101,7 @@ def joint_table(
 
 
 def shared_beginning(names: Sequence[str]) -> str:
-    """What several names begin with, up to a number or with the sign that ends a word."""
+    """The common beginning of names, up to a number or with the sign that ends a word."""
     if len(names) < 2:
         return ""
     alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
@@ -112,6 +112,6 @@ def shared_beginning(names: Sequence[str]) -> str:
 
 
 def timing_line(timing: Timing) -> str:
-    """How long it took."""
+    """The times that building and searching took."""
     searched = f"searched {timing.search_s:.2f} s ({timing.kernels})"
     return f"built in {timing.build_s:.2f} s, {searched}"

@@ -9,9 +9,8 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from copose.problem import SPACES
-from copose.report import style
 from copose.report.limit_use import limit_shares
-from copose.report.motion_words import failure_words
+from copose.report.numbers import percent, six, three
 from copose.report.text.columns import (
     counted,
     lines,
@@ -21,14 +20,18 @@ from copose.report.text.columns import (
     table,
     timing_line,
 )
+from copose.report.words import (
+    failure_words,
+    gain_between,
+    gain_word,
+    objective_name,
+    objective_unit,
+)
 from copose.results import Motion
-
-# Routes that are listed.
-_ROUTES = 5
 
 
 def motion_table(motion: Motion, *, verbose: bool = False) -> RenderableType:
-    """What a motion is worth, what it takes of limits, and how it was found.
+    """The objective of a motion, the limits that it uses, and the search for it.
 
     Args:
         motion: the result.
@@ -46,13 +49,13 @@ def motion_table(motion: Motion, *, verbose: bool = False) -> RenderableType:
 
 
 def _objective(motion: Motion) -> Iterator[tuple[str, str, str, str]]:
-    """Both aggregates of the objective, the one that was maximised first."""
+    """Rows of both aggregates of the objective, the one that was maximised first."""
     knots, tracking, objective = motion.knots, motion.least_norm, motion.objective
     assert knots is not None
-    name, unit = style.objective_name(motion), style.objective_unit(motion)
-    gained = style.gain_between(motion, objective.before, objective.after)
-    words = ", ".join(filter(None, (unit, f"{style.gain_word(motion)} {gained}" * bool(gained))))
-    before, now = style.six(objective.before), style.six(objective.after)
+    name, unit = objective_name(motion), objective_unit(motion)
+    gained = gain_between(motion, objective.before, objective.after)
+    words = ", ".join(filter(None, (unit, f"{gain_word(motion)} {gained}" * bool(gained))))
+    before, now = six(objective.before), six(objective.after)
     yield f"{motion.aggregate} {name}", before, now, words
     kind = "worst" if motion.aggregate == "mean" else "mean"
     tracked = () if tracking is None else tracking.objective
@@ -61,8 +64,8 @@ def _objective(motion: Motion) -> Iterator[tuple[str, str, str, str]]:
 
 
 def _unmoved(motion: Motion) -> Iterator[tuple[str, str]]:
-    """Why planning gains nothing, where no arm has a joint to spare."""
-    gained = style.gain_between(motion, motion.objective.before, motion.objective.after)
+    """A line on why planning gains nothing, where no arm has a joint to spare."""
+    gained = gain_between(motion, motion.objective.before, motion.objective.after)
     m = SPACES[motion.problem.space].m
     if gained == "×1" and all(len(names) <= m for names in motion.joint_names.values()):
         yield (
@@ -73,34 +76,35 @@ def _unmoved(motion: Motion) -> Iterator[tuple[str, str]]:
 
 
 def _aggregate(kind: str, values: Sequence[float | None]) -> str:
+    """Mean or smallest of values; – where one of them is missing."""
     known = [value for value in values if value is not None]
     if not known or len(known) < len(values):
-        return style.six(None)
-    return style.six(float(np.mean(known) if kind == "mean" else np.min(known)))
+        return six(None)
+    return six(float(np.mean(known) if kind == "mean" else np.min(known)))
 
 
 def _limits(motion: Motion) -> Iterator[tuple[str, str]]:
-    """Why least-norm tracking fails, and what limits leave."""
+    """Lines on why least-norm tracking fails, and on the limits that are used most."""
     tracking = motion.least_norm
     if tracking is not None and tracking.reason is not None:
         yield "least-norm tracking:", f"fails {failure_words(motion)}: {tracking.reason}"
-    for each in limit_shares(motion):
-        share, joint, time = each.largest
-        where = f"{joint}'s limit at {style.three(time)} s"
-        yield f"largest {each.kind}:", f"{style.percent(share)} % of {where}"
+    for use in limit_shares(motion):
+        share, joint, time = use.largest
+        where = f"{joint}'s limit at {three(time)} s"
+        yield f"largest {use.kind}:", f"{percent(share)} % of {where}"
     if motion.collision is not None:
-        yield "smallest distance:", f"{style.three(motion.collision)} m, between knots"
+        yield "smallest distance:", f"{three(motion.collision)} m, between knots"
     if motion.reachable_from_start is not None:
         answer = "reachable" if motion.reachable_from_start else "not reachable"
         yield "best posture:", f"{answer} from the start"
 
 
 def _course(motion: Motion) -> Iterator[tuple[str, str, str]]:
-    """How the joints move, and how well the chain is closed."""
+    """Rows on how the joints move, and on how well the chain is closed."""
     knots = motion.knots
     assert knots is not None
-    yield "duration", style.three(motion.duration), f"s, {counted(len(knots), 'knot')}"
-    yield "smoothness", style.three(motion.smoothness), "rad²/s², mean of speed²"
+    yield "duration", three(motion.duration), f"s, {counted(len(knots), 'knot')}"
+    yield "smoothness", three(motion.smoothness), "rad²/s², mean of speed²"
     unit = "m, rad" if SPACES[motion.problem.space].rigid else "m"
     closure = max(error for knot in knots for error in knot.closure_error.values())
     yield "closure error", f"{closure:.1e}", f"{unit}, at knots"
@@ -108,8 +112,14 @@ def _course(motion: Motion) -> Iterator[tuple[str, str, str]]:
         yield "", f"{motion.between_knots_error:.1e}", f"{unit}, between knots"
 
 
-def _evidence(motion: Motion, verbose: bool) -> Iterator[str]:
-    """What was found, and where it is asked for what was searched and how long it took."""
+def _evidence(motion: Motion, verbose: bool, *, most: int = 5) -> Iterator[str]:
+    """Lines on the search: its graph and routes, and with ``verbose`` samples and times.
+
+    Args:
+        motion: the result.
+        verbose: whether to tell everything.
+        most: routes that are listed.
+    """
     search = motion.search
     if verbose:
         if search is not None:
@@ -118,7 +128,7 @@ def _evidence(motion: Motion, verbose: bool) -> Iterator[str]:
                 f"{counted(search.layers, 'layer')} of {nodes} postures, "
                 f"{counted(search.combinations, 'combination')} (seed {search.seed})"
             )
-            for route in search.routes[:_ROUTES]:
+            for route in search.routes[:most]:
                 value = f"failed, {route.status}" if route.value is None else f"{route.value:.6f}"
                 yield f"a route: {route.graph:.6f} in the graph, {value} as a motion"
         yield timing_line(motion.timing)

@@ -1,4 +1,4 @@
-"""What a result says of where things were put, and of each case, as tables."""
+"""Free coordinates of a result, and its cases, as tables."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from copose.report import style
+from copose.report.numbers import six, three
 from copose.report.text.columns import joint_table, lines, table
 from copose.report.text.ellipsoids import closure_row
-from copose.report.text.limits import limit_lines, limit_values
+from copose.report.text.limits import end_width, limit_lines, limit_values
+from copose.report.words import (
+    gain_between,
+    has_before,
+    objective_name,
+    objective_unit,
+    result_gain,
+    stage_titles,
+)
 from copose.results import CasePosture, FreeRecord, Solution
-
-ANGLES = ("roll", "pitch", "yaw", "angle", "twist")
-# An offset nearer to an end of its range, as a share of the range, is at that end.
-_END = 1e-4
-# Cases whose joints are listed.
-_CASES = 6
-# Cases beside one another.
-_COLUMNS = 3
 
 
 def free_tables(solution: Solution) -> list[Table]:
-    """A row for each free coordinate: its range, and the offsets to the file's that were found."""
+    """A table of free coordinates: the range of each, and its offsets to the file's pose."""
     if all(record.after is None for record in solution.freedom):
         return []
-    compared = style.compared(solution)
+    compared = has_before(solution)
     rows = [
         (
             record.name,
@@ -39,7 +39,7 @@ def free_tables(solution: Solution) -> list[Table]:
         )
         for record in solution.freedom
     ]
-    return [table(("free, from the file's pose", "range", *style.stages(solution), ""), rows)]
+    return [table(("free, from the file's pose", "range", *stage_titles(solution), ""), rows)]
 
 
 def offset(value: float | None) -> str:
@@ -47,23 +47,34 @@ def offset(value: float | None) -> str:
     return "–" if value is None else f"{round(value, 4) + 0.0:+.4f}"
 
 
+def is_angle(name: str) -> bool:
+    """Whether a free coordinate, by its name, is an angle and no length."""
+    return name.rpartition(".")[2] in ("roll", "pitch", "yaw", "angle", "twist")
+
+
 def _meaning(record: FreeRecord) -> str:
     """Unit, an angle in degrees too, and whether a wider range would have let it go on."""
     now = record.after
-    if record.name.rpartition(".")[2] not in ANGLES:
+    if not is_angle(record.name):
         words = "m"
     else:
         words = "rad" if now is None else f"rad, {round(math.degrees(now), 1) + 0.0:+g}°"
     if now is not None:
-        near = _END * (record.upper - record.lower)
+        near = end_width(record.lower, record.upper)
         for word, end in (("lower", record.lower), ("upper", record.upper)):
             if abs(now - end) <= near:
                 words += f", at its {word} end"
     return words
 
 
-def case_tables(solution: Solution) -> Iterator[RenderableType]:
-    """Every case's weight and objective with the total, what limits it, and its joints."""
+def case_tables(solution: Solution, *, most: int = 6, beside: int = 3) -> Iterator[RenderableType]:
+    """Weight and objective of every case with the total, limits that it meets, and its joints.
+
+    Args:
+        solution: with cases.
+        most: cases whose joints are listed.
+        beside: cases beside one another in a table of joints.
+    """
     cases, past = solution.cases or (), solution.cases_before or ()
     yield _objectives(solution, cases, past)
     earlier = {case.name: case for case in past}
@@ -72,48 +83,50 @@ def case_tables(solution: Solution) -> Iterator[RenderableType]:
         for case in cases
         for about, words in limit_lines(solution, case, earlier.get(case.name))
     )
-    some = cases[:_CASES]
-    for i in range(0, len(some), _COLUMNS):
+    listed = cases[:most]
+    for i in range(0, len(listed), beside):
         yield joint_table(solution.joint_names, {
             case.name: {arm: [f"{x:.4f}" for x in q] for arm, q in case.joints.items()}
-            for case in some[i : i + _COLUMNS]
+            for case in listed[i : i + beside]
         })  # fmt: skip
-    if len(cases) > _CASES:
-        yield Text(f"joints of {len(cases) - _CASES} more cases: in result.json", style="dim")
+    if len(cases) > most:
+        yield Text(f"joints of {len(cases) - most} more cases: in result.json", style="dim")
     yield _figures(solution, cases, past)
 
 
 def _objectives(
     solution: Solution, cases: Sequence[CasePosture], past: Sequence[CasePosture]
 ) -> Table:
-    unit, earlier = style.objective_unit(solution), {case.name: case.objective for case in past}
-    name = style.objective_name(solution)
+    """A table with a row for each case and the total."""
+    unit, earlier = objective_unit(solution), {case.name: case.objective for case in past}
+    name = objective_name(solution)
     rows = []
     for case in cases:
         was = earlier.get(case.name)
-        cells = [style.six(was)] * bool(past) + [style.six(case.objective)]
-        gained = style.gain_between(solution, was, case.objective)
+        cells = [six(was)] * bool(past) + [six(case.objective)]
+        gained = gain_between(solution, was, case.objective)
         words = ", ".join(filter(None, (f"{name} {unit}".rstrip(), gained)))
         rows.append((case.name, f"{case.weight:g}", *cells, words))
     objective = solution.objective
-    totals = [style.six(objective.before)] * bool(past) + [style.six(objective.after)]
-    gained = style.gain(solution)
+    totals = [six(objective.before)] * bool(past) + [six(objective.after)]
+    gained = result_gain(solution)
     words = "Σ weight · objective" + (f", {gained} on average" if gained else "")
     rows.append(("total", "", *totals, words))
-    return table(("case", "weight", *style.stages(solution), ""), rows)
+    return table(("case", "weight", *stage_titles(solution), ""), rows)
 
 
 def _figures(
     solution: Solution, cases: Sequence[CasePosture], past: Sequence[CasePosture]
 ) -> Table:
+    """A table of the numbers that torque limits decide, and of the closure error, in all cases."""
     earlier = {case.name: case for case in past}
     rows = []
     for case in cases:
-        mine = limit_values(solution, case)
+        values = limit_values(solution, case)
         old = limit_values(solution, earlier[case.name]) if case.name in earlier else {}
-        for name, (value, unit) in mine.items():
-            was = style.three(old.get(name, (None,))[0])
-            cells = [was] * bool(past) + [style.three(value)]
+        for name, (value, unit) in values.items():
+            was = three(old.get(name, (None,))[0])
+            cells = [was] * bool(past) + [three(value)]
             rows.append((f"{case.name}: {name}, {unit}", *cells))
-    rows.append(closure_row(solution.problem.space, [some for some in (past, cases) if some]))
-    return table(("in all cases", *style.stages(solution)), rows)
+    rows.append(closure_row(solution.problem.space, [group for group in (past, cases) if group]))
+    return table(("in all cases", *stage_titles(solution)), rows)

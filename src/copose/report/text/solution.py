@@ -1,19 +1,16 @@
-"""Results and checks as tables on a terminal."""
+"""A result as tables on a terminal."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 
-from rich.console import Group, RenderableType
+from rich.console import RenderableType
 from rich.text import Text
 
-from copose.problem import SPACES, Problem
-from copose.report import style
+from copose.problem import SPACES
+from copose.report.numbers import six
 from copose.report.text.columns import (
     counted,
-    heading,
-    joint_table,
     lines,
     note_lines,
     sections,
@@ -22,21 +19,23 @@ from copose.report.text.columns import (
     times,
     timing_line,
 )
+from copose.report.text.companions import companion_tables
 from copose.report.text.ellipsoids import closure_row, ellipsoid_rows
-from copose.report.text.limits import joints_table, limit_lines, limit_rows, limit_tables
+from copose.report.text.extremes import extreme_tables
+from copose.report.text.limits import joints_table, limit_lines, limit_rows
 from copose.report.text.placement import case_tables, free_tables
-from copose.report.text.starts import start_table
+from copose.report.words import (
+    gain_words,
+    objective_name,
+    objective_unit,
+    result_gain,
+    stage_titles,
+)
 from copose.results import Solution
-from copose.robots import ArmStart, Joint
-
-# Local optima that are listed.
-_OPTIMA = 5
-# Joint positions that differ by less, rad or m, are the same.
-_SAME = 1e-6
 
 
 def solution_table(solution: Solution, *, verbose: bool = False) -> RenderableType:
-    """What a result says, in the order in which a reader asks.
+    """The tables of a result, in the order in which a reader asks.
 
     Args:
         solution: the result.
@@ -52,32 +51,34 @@ def solution_table(solution: Solution, *, verbose: bool = False) -> RenderableTy
 
 
 def _posture(solution: Solution) -> Iterator[RenderableType]:
-    """What was asked for, what limits it, the joints, and all else that is known of them."""
+    """The objective, limits that it meets, joints, ellipsoids, and extremes."""
     after, before = solution.after, solution.before
     assert after is not None
-    unit, gained = style.objective_unit(solution), style.gain_words(solution)
-    words = f"{unit}, {style.gain(solution)}".removesuffix(", ") if unit else gained
+    unit, gained = objective_unit(solution), gain_words(solution)
+    words = f"{unit}, {result_gain(solution)}".removesuffix(", ") if unit else gained
     compared = before is not None
     values = solution.objective.before, solution.objective.after
-    row = style.objective_name(solution), *map(style.six, values[not compared :]), words
+    row = objective_name(solution), *map(six, values[not compared :]), words
     limited = [(name, *([was] * compared), now, unit)
                for name, was, now, unit in limit_rows(solution)]  # fmt: skip
-    yield table(("", *style.stages(solution), ""), [row, *limited])
+    yield table(("", *stage_titles(solution), ""), [row, *limited])
     yield from lines([*_unchanged(solution), *limit_lines(solution, after, before)])
     yield from [joints_table(solution), *free_tables(solution)]
     both = [(solution, posture) for posture in (before, after) if posture is not None]
     closure = closure_row(solution.problem.space, [[posture] for _, posture in both])
-    yield table(("ellipsoid", *style.stages(solution)), [*ellipsoid_rows(both), closure])
-    yield from limit_tables(solution)
+    yield table(("ellipsoid", *stage_titles(solution)), [*ellipsoid_rows(both), closure])
+    yield from extreme_tables(solution, after)
+    yield from companion_tables(solution, after)
 
 
 def _unchanged(solution: Solution) -> Iterator[tuple[str, str]]:
-    """Why nothing was gained, where the posture before is the best."""
+    """A line on why nothing was gained, where the posture before is the best."""
     after, before = solution.after, solution.before
-    if after is None or before is None or style.gain(solution) != "×1":
+    if after is None or before is None or result_gain(solution) != "×1":
         return
+    # Within 1e-6 rad or m joints are where they were.
     pairs = ((before.joints[arm], q) for arm, q in after.joints.items())
-    if any(abs(a - b) > _SAME for pair in pairs for a, b in zip(*pair, strict=True)):
+    if any(abs(a - b) > 1e-6 for pair in pairs for a, b in zip(*pair, strict=True)):
         return
     m = SPACES[solution.problem.space].m
     held = {arm: all(x.lower is not None and x.lower == x.upper for x in limits)
@@ -93,8 +94,14 @@ def _unchanged(solution: Solution) -> Iterator[tuple[str, str]]:
         )
 
 
-def _evidence(solution: Solution, verbose: bool) -> Iterator[str]:
-    """What was found, and where it is asked for what was searched and how long it took."""
+def _evidence(solution: Solution, verbose: bool, *, most: int = 5) -> Iterator[str]:
+    """Lines on the search: local optima, and with ``verbose`` samples, failures and times.
+
+    Args:
+        solution: the result.
+        verbose: whether to tell everything.
+        most: local optima that are listed.
+    """
     search = solution.search
     if search is not None:
         again, optima, placements = search.verification, search.local_optima, search.placements
@@ -110,7 +117,7 @@ def _evidence(solution: Solution, verbose: bool) -> Iterator[str]:
                 f"{postures or 'no'} closed postures, {counted(search.combinations, 'combination')}"
                 f"{best} (seed {search.seed}, {search.effort} effort)"
             )
-            listed = [f"{o.objective:.6f} ×{o.count}" for o in optima[:_OPTIMA]]
+            listed = [f"{o.objective:.6f} ×{o.count}" for o in optima[:most]]
             yield f"the best optima: {', '.join(listed) or 'none'}"
             for failure in search.failures:
                 yield f"{failure.status}: {times(failure.count)}"
@@ -121,7 +128,7 @@ def _evidence(solution: Solution, verbose: bool) -> Iterator[str]:
     if verbose:
         yield timing_line(solution.timing)
     if search is not None and optima:
-        found = counted(len(optima), "local optimum", "local optima")
+        number = counted(len(optima), "local optimum", "local optima")
         best = "the best met" if len(optima) > 1 else "met"
         where = "" if placements is None else f", {counted(placements.tried, 'placement')} tried"
         starts = counted(search.starts, "start")
@@ -131,48 +138,4 @@ def _evidence(solution: Solution, verbose: bool) -> Iterator[str]:
         ends = [f"{behind:,} given up as they could not beat it"] if behind else []
         ends += [f"{lost:,} ended in none"] if lost else []
         none = f" ({', '.join(ends)})" if ends else ""
-        yield f"{found}; {best} {times(optima[0].count)} from {starts}{none}{where}"
-
-
-def chains(
-    problem: Problem, starts: tuple[ArmStart, ...], notes: tuple[str, ...], way: str | None
-) -> RenderableType:
-    """The chains as they were read: joints in order, limits, efforts, what was locked; where they
-    are at the start; and the way of the object, where it has one.
-    """
-    parts: list[RenderableType] = [heading(problem.name, problem.task.space)]
-    arms = [start.arm for start in starts]
-    for arm in arms:
-        parts.append(Text(f"{arm.name}: {arm.model}, {counted(arm.n, 'joint')}"))
-        if arm.locked:
-            held = ", ".join(f"{joint.name} = {joint.position:g}" for joint in arm.locked)
-            parts.append(Text(f"{arm.name}: locked: {held}"))
-        if arm.fixed:
-            parts.append(Text(f"{arm.name}: fixed: held at its start"))
-    shown: dict[str, Callable[[Joint], str]] = {
-        "kind": lambda joint: joint.kind,
-        "lower": lambda joint: _limit(joint.lower, ".4f"),
-        "upper": lambda joint: _limit(joint.upper, ".4f"),
-        "effort": lambda joint: _limit(joint.effort, "g"),
-        "speed": lambda joint: _limit(joint.velocity, "g"),
-        "armature": lambda joint: f"{joint.armature:g}",
-    }
-    columns = {
-        title: {arm.name: list(map(show, arm.joints)) for arm in arms}
-        for title, show in shown.items()
-    }
-    parts.append(joint_table({arm.name: arm.joint_names for arm in arms}, columns))
-    parts += start_table(problem, starts)
-    if way is not None:
-        parts.append(Text(way))
-    parts += note_lines(notes)
-    return sections(parts)
-
-
-def guesses(made: Sequence[str]) -> RenderableType:
-    """What a problem file was made with that nobody gave."""
-    return Group(Text("guessed:"), *lines((" ", guess) for guess in made))
-
-
-def _limit(value: float, digits: str) -> str:
-    return "none" if math.isinf(value) else format(value, digits)
+        yield f"{number}; {best} {times(optima[0].count)} from {starts}{none}{where}"

@@ -13,7 +13,7 @@ from copose.robots.files.mjcf_model import MjcfModel, named
 
 
 @dataclass(frozen=True, eq=False)
-class JointRates:
+class JointActuators:
     """The actuators of a joint taken together.
 
     Attributes:
@@ -51,7 +51,7 @@ class MjcfActuators:
         """The kind of what actuator a acts on, such as JOINT."""
         return named(self.source.mujoco.mjtTrn, self.source.model.actuator_trntype[a])
 
-    def drive(self, j: int) -> JointRates:
+    def drive(self, j: int) -> JointActuators:
         """The actuators of joint j: of several the weakest counts."""
         m = self.source.model
         own = [
@@ -66,7 +66,7 @@ class MjcfActuators:
             ranges.append(m.jnt_actfrcrange[j])
         doubts: dict[str, str] = {}
         if not ranges:
-            return JointRates(None, armature, doubts)
+            return JointActuators(None, armature, doubts)
         sides = np.array([np.maximum([-low, high], 0.0) for low, high in map(sorted, ranges)])
         below, above = sides.min(axis=0).tolist()
         if below != above:
@@ -74,7 +74,7 @@ class MjcfActuators:
             doubts[text] = f"{-below + 0.0:g} … {above:g}"
         if len(own) > 1:
             doubts["the weakest of several actuators counts"] = f"{len(own)}"
-        return JointRates(min(below, above), armature, doubts)
+        return JointActuators(min(below, above), armature, doubts)
 
     def _ranges(self, a: int, control: int, gear: float) -> Iterator[Array]:
         """Ranges of the torque of an actuator."""

@@ -16,7 +16,7 @@ import numpy as np
 from copose.errors import InputError
 from copose.poses import Array, Pose, frozen_array
 from copose.problem import read_bytes
-from copose.robots.arm import Body, motion
+from copose.robots.arm import Body, joint_motion
 from copose.robots.files.mjcf_actuators import MjcfActuators
 from copose.robots.files.mjcf_model import MjcfModel, named, unused
 from copose.robots.files.tree import (
@@ -215,7 +215,7 @@ class _Reader(MjcfModel):
             kind=kind,
             parent=parent,
             child=child,
-            origin=place @ motion(kind, axis, -float(m.qpos0[m.jnt_qposadr[j]])),
+            origin=place @ joint_motion(kind, axis, -float(m.qpos0[m.jnt_qposadr[j]])),
             axis=axis,
             lower=lower,
             upper=upper,

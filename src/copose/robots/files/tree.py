@@ -14,7 +14,7 @@ import numpy as np
 
 from copose.errors import InputError, nearest
 from copose.poses import Array, Pose
-from copose.robots.arm import Body, motion
+from copose.robots.arm import Body, joint_motion
 from copose.robots.files.xacro_file import unexpanded
 
 # Kinds of joints of one degree of freedom.
@@ -93,7 +93,7 @@ class TreeJoint:
         """T_parent_child at a position, rad or m."""
         if position == 0:
             return self.origin
-        return self.origin @ motion(self.kind, self.axis, position)
+        return self.origin @ joint_motion(self.kind, self.axis, position)
 
 
 @dataclass(frozen=True, eq=False)

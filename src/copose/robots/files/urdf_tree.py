@@ -118,7 +118,7 @@ def numbers(
     raise ValueError(f"{key} of <{element.tag}> is {shown(text)}; {legal} needed")
 
 
-def placement(element: ET.Element) -> Pose:
+def origin_pose(element: ET.Element) -> Pose:
     """The pose of an element by its ``<origin>``, by ``rpy`` or ``quat_xyzw``.
 
     Raises:
@@ -246,7 +246,7 @@ def _body(link: ET.Element) -> Body | None:
     if mass < 0:
         raise ValueError(f"its mass is {mass:g}, below zero")
     inertia = frozen_array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return Body(mass, frozen_array(np.zeros(3)), inertia).placed(placement(inertial))
+    return Body(mass, frozen_array(np.zeros(3)), inertia).placed(origin_pose(inertial))
 
 
 def _outline(link: ET.Element) -> tuple[Array, bool]:
@@ -258,7 +258,7 @@ def _outline(link: ET.Element) -> tuple[Array, bool]:
         try:
             if shape is None or shape.tag == "mesh":
                 raise ValueError
-            pose = placement(element)
+            pose = origin_pose(element)
             known.append(_corners(shape) @ pose.rotation.T + pose.position)
         except ValueError:
             unknown = True
@@ -301,7 +301,7 @@ def _joint(element: ET.Element) -> TreeJoint:
     origin, along, lower, upper = Pose.from_rpy(), np.array([1.0, 0.0, 0.0]), 0.0, 0.0
     limit, axis, mimic = (element.find(tag) for tag in ("limit", "axis", "mimic"))
     with noting("origin"):
-        origin = placement(element)
+        origin = origin_pose(element)
     with noting("axis"):
         if axis is not None:
             along = _direction(axis)

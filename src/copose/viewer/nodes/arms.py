@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from copose.report import style
+from copose.report.look import LOOK
 from copose.results import Posture
 from copose.robots import Arm
 from copose.viewer.looks import Look
@@ -65,7 +65,7 @@ class Robots:
             self.frames[arm.name] = [
                 scene.add_frame(node(top, arm.name, name), show_axes=False) for name in names
             ]
-        colors = style.ARMS * len(arms)
+        colors = LOOK.arms * len(arms)
         for link in looks:
             arm = arms[link.carrier.arm]
             frame = self.frames[arm.name][link.carrier.joint + 1]
@@ -73,7 +73,7 @@ class Robots:
                 f"{frame.name}{node(link.name)}",
                 link.vertices,
                 link.faces,
-                color=rgb(style.BEFORE if link.shared or ghost else colors[link.carrier.arm]),
+                color=rgb(LOOK.before if link.shared or ghost else colors[link.carrier.arm]),
                 opacity=look.ghost if ghost else None,
                 side="front" if ghost else "double",
                 cast_shadow=not (ghost or planar),

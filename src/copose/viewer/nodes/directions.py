@@ -10,7 +10,8 @@ import numpy as np
 
 from copose.poses import Array, Pose
 from copose.problem import Problem
-from copose.report import style
+from copose.report.axes import ANGULAR_AXES, LINEAR_AXES
+from copose.report.look import LOOK
 from copose.viewer.names import node
 from copose.viewer.nodes.colors import rgb
 from copose.viewer.surfaces.arrows import arrow, round_arrow
@@ -71,7 +72,7 @@ class DirectionArrows:
                     node("directions", kind, str(number + 1)),
                     surface.vertices,
                     surface.faces,
-                    color=rgb(style.INK),
+                    color=rgb(LOOK.ink),
                     scale=self._lengths[kind],
                     cast_shadow=False,
                     receive_shadow=False,
@@ -88,7 +89,7 @@ class DirectionArrows:
     def _parts(self, direction: Sequence[float]) -> Iterator[tuple[str, Array]]:
         """The linear and the angular part of a task vector, each where it is not zero, (3,)."""
         names = self._whole if len(direction) == len(self._whole) else self._axes
-        for kind, world in (("linear", style.LINEAR_AXES), ("angular", style.ANGULAR_AXES)):
+        for kind, world in (("linear", LINEAR_AXES), ("angular", ANGULAR_AXES)):
             along = np.zeros(3)
             for name, value in zip(names, direction, strict=True):
                 if name in world:

@@ -10,8 +10,9 @@ import numpy as np
 
 from copose.poses import Array
 from copose.problem import Problem
-from copose.report import style
 from copose.report.geometry.slices import Slice, angular_slice, linear_slice
+from copose.report.look import LOOK
+from copose.report.panels import holds
 from copose.results import Posture
 from copose.viewer.names import node
 from copose.viewer.nodes.colors import rgb
@@ -27,7 +28,7 @@ class EllipsoidLook:
     """The look of ellipsoids; lengths are shares of the scene where no unit is given."""
 
     colors: Mapping[str, str] = field(
-        default_factory=lambda: {"linear": style.SYSTEM, "angular": style.ANGULAR}
+        default_factory=lambda: {"linear": LOOK.system, "angular": LOOK.angular}
     )
     longest: float = 0.18  # semi-axis
     longest_flat: float = 0.3  # semi-axis in the plane
@@ -86,15 +87,15 @@ class Slices:
         self.stem = scene.add_line_segments(
             node("ellipsoid", "stem"),
             np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]]),
-            rgb(style.ANGULAR),
+            rgb(LOOK.angular),
             thickness=look.stem,
             thickness_units="screen",
             visible=False,
         )
         self.rims: dict[str, LineSegmentsHandle] = {}
         if self.planar:
-            self.rims[""] = self._rim(scene, node("ellipsoid", "rim"), style.SYSTEM)
-            colors = style.ARMS * len(names)
+            self.rims[""] = self._rim(scene, node("ellipsoid", "rim"), LOOK.system)
+            colors = LOOK.arms * len(names)
             for name, color in zip(names, colors, strict=False):
                 self.rims[name] = self._rim(scene, node("ellipsoid", "arms", name), color)
 
@@ -143,7 +144,7 @@ class Slices:
                 self._outline("", stretch, ball.position, visible=seen)
         for name, arm in posture.arms.items() if self.planar else ():
             own = linear_slice(arm.ellipsoid, self.all)
-            if own is None or posture.closure_error[name] > style.OPEN:
+            if own is None or not holds(posture, name):
                 self._hide(name)
             else:
                 position = np.array([*arm.skeleton[-1][:2], self.look.above])

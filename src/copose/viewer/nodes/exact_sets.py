@@ -10,8 +10,9 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from copose.poses import Array, Indices
-from copose.report import style
+from copose.report.axes import ANGULAR_AXES, LINEAR_AXES
 from copose.report.geometry.hulls import Solid
+from copose.report.look import LOOK
 from copose.results import ExactSetRecord, Posture
 from copose.viewer.names import node
 from copose.viewer.nodes.colors import rgb
@@ -71,7 +72,7 @@ class ExactSets:
                     node("exact", kind),
                     corners,
                     faces,
-                    color=rgb(style.EXACT),
+                    color=rgb(LOOK.exact_set),
                     opacity=self._look.opacity,
                     # Its front would hide the ellipsoid in it.
                     side="back" if Solid.of(corners) is not None else "double",
@@ -86,7 +87,7 @@ class ExactSets:
                 self._scene.add_line_segments(
                     node("exact", f"{kind} edges"),
                     edges,
-                    rgb(style.EXACT),
+                    rgb(LOOK.exact_set),
                     thickness=self._look.line,
                     thickness_units="screen",
                     position=center,
@@ -96,7 +97,7 @@ class ExactSets:
 
 def _corners(record: ExactSetRecord) -> Array:
     """Corners along the world's axes, (k, 3)."""
-    world = [(style.LINEAR_AXES | style.ANGULAR_AXES)[name] for name in record.axes]
+    world = [(LINEAR_AXES | ANGULAR_AXES)[name] for name in record.axes]
     corners = np.zeros((len(record.vertices), 3))
     corners[:, world] = np.array(record.vertices)
     return corners

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from copose.poses import Array, Pose
-from copose.report import style
+from copose.report.look import LOOK
 from copose.results import Posture
 from copose.robots import Arm
 from copose.viewer.names import node
@@ -66,7 +66,7 @@ class Hands:
                 node("gaps", name),
                 stick.vertices,
                 stick.faces,
-                color=rgb(style.OVER),
+                color=rgb(LOOK.over),
                 visible=False,
                 cast_shadow=False,
             )

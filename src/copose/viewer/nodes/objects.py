@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from copose.collision import primitive_of
 from copose.problem import Obstacle, PlanarObstacle, Problem
-from copose.report import style
+from copose.report.look import LOOK
 from copose.viewer.names import node
 from copose.viewer.nodes.colors import rgb
 from copose.viewer.surfaces.light_surfaces import creased
@@ -53,7 +53,7 @@ def add_object(
         scene.add_line_segments(
             f"{name}/edges",
             edges,
-            rgb(style.BEFORE if ghost else style.INK),
+            rgb(LOOK.before if ghost else LOOK.ink),
             thickness=look.edge,
             thickness_units="screen",
         )
@@ -61,7 +61,7 @@ def add_object(
         name,
         surface.vertices,
         surface.faces,
-        color=rgb(style.BEFORE if ghost else style.OBJECT),
+        color=rgb(LOOK.before if ghost else LOOK.held_object),
         opacity=look.ghost if ghost else look.object,
         # The front would hide the ellipsoid in it, translucent or not.
         side="front" if planar else "back",
@@ -80,7 +80,7 @@ def add_obstacle(
         node("obstacles", obstacle.name),
         surface.vertices,
         surface.faces,
-        color=rgb(style.OBSTACLE),
+        color=rgb(LOOK.obstacle),
         opacity=look.obstacle,
         receive_shadow=False,
         position=pose.position,
