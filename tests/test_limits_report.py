@@ -19,7 +19,7 @@ from copose.cell.cell import Cell
 from copose.problem import parse
 from copose.report import compare, comparison_table, picture, solution_table
 from copose.report.charts.exact_sets import SetPicture, draw_set, set_pictures
-from copose.report.geometry.hulls import Solid
+from copose.report.geometry.hulls import Hull as Solid
 from copose.report.geometry.slices import angular_slice, linear_slice
 from copose.report.look import LOOK
 from copose.report.numbers import three

@@ -17,7 +17,7 @@ import copose
 import path_problems
 from copose.live.page import Page
 from copose.live.panels.path_words import instant, instant_headline, motion_headline
-from copose.live.path_motion import PathMotion
+from copose.live.path.motion import PathMotion
 from copose.live.plots.path_figure import motion_svg
 from copose.live.problem_file.document import Document
 from copose.live.scene.gizmos import Gizmo

@@ -50,9 +50,9 @@ class ManualCommand(Command):
         from copose.manual import page, topics
 
         if arguments.topic is not None:
-            from copose.manual.markdown import Page
+            from copose.manual.markdown import ManualPage
 
-            print_rich(Page(page(arguments.topic)))
+            print_rich(ManualPage(page(arguments.topic)))
             return ExitStatus.SOLVED
         table = Table.grid(padding=(0, 2))
         for topic, title in topics().items():

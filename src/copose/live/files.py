@@ -1,4 +1,4 @@
-"""The files that the page saves: the problem, the result, the picture, and a page of its own."""
+"""Files that the page saves: the problem, the result, the picture, and a page of its own."""
 
 from __future__ import annotations
 
@@ -9,16 +9,9 @@ from copose.live.problem_file.saving import save_problem
 from copose.live.state import State
 from copose.results import Solution, to_json, write_file
 
-_CHOSEN = (
-    "taken from the live page as it was: a local optimum or a posture chosen by hand, which a "
-    "search may better"
-)
-# Kinds of files by what the panel calls them.
-KINDS = ("problem", "result", "picture", "page")
-
 
 def result_of(state: State) -> Solution:
-    """The result of what is shown.
+    """The result that is shown.
 
     Raises:
         InputError: the arms do not hold the object where it is.
@@ -28,11 +21,15 @@ def result_of(state: State) -> Solution:
         raise InputError("the arms do not hold the object where it is; drag it back or undo")
     if state.searched:
         return solution
-    return solution.model_copy(update={"notes": (*solution.notes, _CHOSEN)})
+    note = (
+        "taken from the live page as it was: a local optimum or a posture chosen by hand, which a "
+        "search may better"
+    )
+    return solution.model_copy(update={"notes": (*solution.notes, note)})
 
 
 def file_named(name: str) -> Path:
-    """The file that somebody has typed the name of; ``~`` is their home.
+    """The file of a name that was typed; ``~`` is the home folder.
 
     Raises:
         InputError: it is no name.
@@ -46,13 +43,13 @@ def file_named(name: str) -> Path:
 
 
 def save(state: State, kind: str, file: Path, *, overwrite: bool = False) -> Path:
-    """Write a file of what is shown.
+    """Write a file of the state that is shown.
 
     Args:
-        state: what is shown.
+        state: the state.
         kind: problem, result, picture or page.
-        file: where; a picture is a .png, .pdf or .svg.
-        overwrite: whether a problem file that is there is replaced; all else is.
+        file: its name; a picture is a .png, .pdf or .svg.
+        overwrite: whether a problem file that is there is replaced; other files always are.
 
     Returns:
         The file.

@@ -19,13 +19,6 @@ if TYPE_CHECKING:
     from copose.problem import Problem
     from copose.results import Solution
 
-# What pages are made with, and the extra that brings it.
-_NEEDED = ("viser", "tomlkit", "fast_simplification")
-_MISSING = "the live page needs viser; install it: pip install 'copose[live]'"
-
-# Height of a page within a notebook, pixels.
-_HEIGHT = 640
-
 
 class LivePage:
     """An open page; ends with `stop`, or with the ``with`` block that it is opened in.
@@ -62,9 +55,9 @@ class LivePage:
 
         Args:
             place: ``position`` and ``rpy`` or ``quaternion``, in the plane ``angle``, in the world;
-                what it leaves out stays.
+                keys that it leaves out stay.
             kind: object, base, grasp, obstacle or waypoint.
-            name: of the arm or the obstacle, or the number of the waypoint, from 0.
+            name: name of the arm or the obstacle, or the number of the waypoint, from 0.
 
         Raises:
             InputError: there is no such thing, or it is no place.
@@ -96,8 +89,9 @@ class LivePage:
         self.stop()
 
     def _repr_html_(self) -> str:
+        """The page within a notebook."""
         address = html.escape(self.address)
-        return f'<iframe src="{address}" style="width: 100%; height: {_HEIGHT}px"></iframe>'
+        return f'<iframe src="{address}" style="width: 100%; height: 640px"></iframe>'
 
 
 def open_live(
@@ -125,10 +119,11 @@ def open_live(
 
 
 def check_installed() -> None:
-    """Refuse to go on where something is missing that pages are made with.
+    """Refuse to go on where a package is missing that pages are made with.
 
     Raises:
         InputError: it names the extra.
     """
-    if any(find_spec(name) is None for name in _NEEDED):
-        raise InputError(_MISSING)
+    packages = ("viser", "tomlkit", "fast_simplification")
+    if any(find_spec(name) is None for name in packages):
+        raise InputError("the live page needs viser; install it: pip install 'copose[live]'")

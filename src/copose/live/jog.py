@@ -1,4 +1,4 @@
-"""Arms moved by hand along their self-motions: sliders, curves of the objective, and its map."""
+"""Jogging of arms along their self-motions, with curves and a map of the objective."""
 
 from __future__ import annotations
 
@@ -13,19 +13,16 @@ from copose.poses import Array
 from copose.posture.landscape.objective_map import Landscape
 from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
 
-# Decimal places to which the ends of what is allowed are kept from, rad (or m).
-_INSIDE = 1e-9
-
 
 @dataclass(eq=False)
 class ByHand:
-    """The self-motions of the arms of a session where it stands, and where a hand has moved them.
+    """The self-motions of the arms of a session, and the places of the arms on them.
 
     Attributes:
-        session: whose arms are moved.
+        session: the session.
         spare: degrees of freedom to spare, by arm.
-        curves: of arms with one to spare, by name; empty until they are asked for.
-        map: of the first two of them.
+        curves: self-motions of arms with one to spare, by name; empty until they are asked for.
+        map: the objective over the first two of them.
         positions: arc lengths at which these arms are.
     """
 
@@ -37,8 +34,8 @@ class ByHand:
     _bases: dict[str, Array] = field(default_factory=dict)
 
     def look(self) -> None:
-        """Follow the self-motions from where the arms are, and map the objective over them; what is
-        known of them is not followed anew.
+        """Follow the self-motions from the present posture, and map the objective over them; those
+        that are known are not followed anew.
 
         Raises:
             StoppedError: a hand has moved meanwhile.
@@ -57,7 +54,7 @@ class ByHand:
                 self.map = planner.landscape(
                     after.joints, *single[:2], problem=state.problem, known=known
                 )
-                curves = {each.arm: each for each in (self.map.first, self.map.second)}
+                curves = {curve.arm: curve for curve in (self.map.first, self.map.second)}
             for arm in single:
                 if arm not in curves:
                     curves[arm] = planner.self_motion(
@@ -73,8 +70,8 @@ class ByHand:
         """Move an arm along its self-motion, as far as limits let it.
 
         Args:
-            arm: with one degree of freedom to spare.
-            share: of what is shown of the curve, 0 to 1.
+            arm: an arm with one degree of freedom to spare.
+            share: place on the part of the curve that is shown, 0 to 1.
         """
         curve = self.curves.get(arm)
         if curve is None:
@@ -84,11 +81,11 @@ class ByHand:
         if s is None:
             return
         self._put(arm, curve.at(s))
-        # What one arm's posture is worth depends on where the others are.
+        # The objective along other self-motions depends on this arm.
         self.look()
 
     def share(self, arm: str) -> float | None:
-        """The place of an arm on what is shown of its curve, 0 to 1; None where it is on none."""
+        """The place of an arm on the part of its curve that is shown, 0 to 1; None without one."""
         curve, s = self.curves.get(arm), self.positions.get(arm)
         if curve is None or s is None:
             return None
@@ -100,7 +97,7 @@ class ByHand:
 
         Args:
             arm: its name.
-            direction: from 0, which keeps its meaning while the hand moves nothing else.
+            direction: number of the direction, from 0; the same one while nothing else is moved.
             amount: rad (or m).
         """
         state = self.session.state
@@ -114,6 +111,7 @@ class ByHand:
         self._put(arm, moved.joints)
 
     def _put(self, arm: str, q: Array) -> None:
+        """Move one arm, and no other."""
         after = self.session.state.solution.after
         if after is not None:
             self.session.choose({**after.joints, arm: q.tolist()})
@@ -123,5 +121,7 @@ def _allowed(curve: SelfMotionCurve, s: float) -> float | None:
     """The nearest arc length at which limits let the arm be; None where there is none."""
     if curve.piece(s) is not None:
         return s
-    ends = [end for low, high in curve.pieces for end in (low + _INSIDE, high - _INSIDE)]
+    # By so little, rad (or m), ends of pieces are avoided.
+    inside = 1e-9
+    ends = [end for low, high in curve.pieces for end in (low + inside, high - inside)]
     return min(ends, key=lambda end: abs(end - s), default=None)

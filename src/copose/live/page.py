@@ -1,4 +1,4 @@
-"""The page: a server with a scene and a panel, and a worker that answers what hands do."""
+"""The page: a server with a scene and a panel, and a worker that answers hands."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +16,14 @@ from copose.errors import InputError
 from copose.live.files import file_named, save
 from copose.live.jog import ByHand
 from copose.live.panels import objectives as aims
-from copose.live.panels.panel import Panel
+from copose.live.panels.panel import PagePanel
 from copose.live.panels.path_words import instant_headline
-from copose.live.path_player import PathPlayer
+from copose.live.path.player import PathPlayer
 from copose.live.problem_file.document import Document, case_names
 from copose.live.scene.gizmos import Gizmo
-from copose.live.scene.stage import Stage
+from copose.live.scene.stage import PageScene
 from copose.live.session import Session
-from copose.live.state import Aim, State
+from copose.live.state import SearchAim, State
 from copose.live.worker import Task, Worker
 from copose.poses import Pose
 from copose.problem import Problem
@@ -30,40 +31,45 @@ from copose.progress import Progress, StoppedError
 from copose.results import Optimum, Posture
 from copose.viewer.server import quiet_server, stop
 
-# Answers to drags whose times are kept.
-_KEPT = 2000
-# Between two pictures of a transition, s.
-_MOMENT = 0.025
-# Moments for which the posture that arms have jumped from stays as a ghost.
-_FADE = 30
-# Between two moves of one control that an undo takes back together, at most, s.
-_STROKE = 1.0
+
+@dataclass(frozen=True)
+class PageOptions:
+    """Times of a page."""
+
+    latencies: int = 2000  # answers to drags whose times are kept
+    moment: float = 0.025  # between two pictures of a transition, s
+    fade: int = 30  # moments for which the posture that arms have jumped from stays as a ghost
+    stroke: float = 1.0  # between two moves of a control that make one step of undo, at most, s
 
 
 class Page:
     """One problem on one address; every browser that opens it sees the same.
 
     Attributes:
-        server: viser's.
+        server: the server of viser.
         stage: the scene.
         session: the problem and its posture.
         path: the motion along the path; None where the problem has none.
-        latencies: from a drag's arrival to the sending of its answer, s, the newest last.
+        latencies: times from drags to the sending of their answers, s, the newest last.
     """
 
-    def __init__(self, problem: Problem, *, host: str, port: int) -> None:
+    def __init__(
+        self, problem: Problem, *, host: str, port: int, options: PageOptions = PageOptions()
+    ) -> None:
         """Find the opening posture and serve the page.
 
         Args:
             problem: as read by `copose.load`.
             host: address that the page is served at.
-            port: alike.
+            port: port that it is served at, 0 for a free one.
+            options: times.
 
         Raises:
-            InputError: the problem cannot be used, or the port.
+            InputError: the problem or the port cannot be used.
         """
         port = free_port(host, port)
-        self.latencies: deque[float] = deque(maxlen=_KEPT)
+        self._options = options
+        self.latencies: deque[float] = deque(maxlen=options.latencies)
         self._written: set[Path] = set()
         self._stroke: tuple[object, float] = (None, 0.0)
         self._stroked = threading.Lock()
@@ -89,20 +95,22 @@ class Page:
         self._worker.do(self._look)
 
     def _build(self, state: State) -> None:
+        """Build the scene and the panel."""
         gui, names = self.server.gui, case_names(self.session.document.whole)
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
         gui.main_panel.dock_right()
-        self.stage = Stage(self.server, state, self._dragged)
+        self.stage = PageScene(self.server, state, self._dragged)
         self.server.on_client_disconnect(lambda _: self.stage.gizmos.release())
         self.path = self._path_player(state)
         kinds = aims.offered(self.session.document, state.solution)
-        self.panel = Panel(gui, state.problem, self.session.spare, self, kinds, names)
+        self.panel = PagePanel(gui, state.problem, self.session.spare, self, kinds, names)
         if self.path is not None:
             self.path.panel = self.panel.path
         if state.posture is not None:
             self.stage.look(state.posture, [] if self.path is None else self.path.way)
 
     def _path_player(self, state: State) -> PathPlayer | None:
+        """The player of the path; None where the problem has none."""
         if state.problem.path is None:
             return None
         player = PathPlayer(self.session, self._worker, self.server, self.stage.scene)
@@ -111,18 +119,18 @@ class Page:
         return player
 
     def _instant_shown(self) -> None:
-        """The scene shows the motion: so does what the panel says of the arms."""
+        """Show the motion in the panel, as the scene does."""
         if self.path is not None:
             motion = self.path.motion
             self.panel.show_instant(instant_headline(motion), motion.state())
 
     def _posture_shown(self) -> None:
-        """The scene shows the posture again."""
+        """Show the posture in the scene again."""
         self.stage.scene.show_before(self.state.start)
         self._render(self.state)
 
     def _of_posture(self, task: Task) -> Task:
-        """A task that a hand wants done with the posture: it is shown, and no motion."""
+        """A task with the posture, which is shown first in place of the motion."""
         path = self.path
         if path is None:
             return task
@@ -157,16 +165,16 @@ class Page:
         stop(self.server)
 
     def drag(self, gizmo: Gizmo, pose: Pose, phase: str = "update") -> None:
-        """Do what a hand does with the mouse.
+        """Drag a gizmo as a hand does with the mouse.
 
         Args:
-            gizmo: what is dragged.
-            pose: in the world.
+            gizmo: the gizmo.
+            pose: its pose in the world.
             phase: start, update or end.
         """
         self.stage.gizmos.drag(gizmo, pose, phase, self._dragged)
 
-    # What the panel can have done, see `Acts`.
+    # Actions of the panel, see `Acts`.
 
     def set(self, changes: Mapping[str, Any]) -> None:
         """Change settings; a search answers."""
@@ -179,7 +187,7 @@ class Page:
         self.session.interrupt()
         self._worker.move(self._of_posture(lambda: self.session.move(changes)))
 
-    def search(self, aim: Aim) -> None:
+    def search(self, aim: SearchAim) -> None:
         """Search everything."""
         self._ask(lambda: self._searched(aim))
 
@@ -227,7 +235,7 @@ class Page:
         self._worker.do(lambda: self._saved(kind, file))
 
     def _saved(self, kind: str, name: str) -> None:
-        # What this page has written it may write again.
+        """Write a file, and say so; files that this page has written it may write again."""
         try:
             file = file_named(name)
             save(self.state, kind, file, overwrite=file.absolute() in self._written)
@@ -238,7 +246,7 @@ class Page:
         self.panel.said(f"written to {file.absolute()}")
 
     def _ask(self, task: Any) -> None:
-        """Do something that can be undone, unless nothing came of it."""
+        """Do a task as a step that can be undone, unless it fails."""
 
         def asked() -> None:
             self.session.mark()
@@ -253,15 +261,15 @@ class Page:
         self._worker.do(self._of_posture(asked))
 
     def _begin(self, what: object) -> None:
-        """Of moves of one control that come one upon another make a step that can be undone."""
+        """Make one step that can be undone of moves of one control that follow each other."""
         with self._stroked:
             (last, when), now = self._stroke, time.monotonic()
             self._stroke = what, now
-            if what != last or now - when > _STROKE:
+            if what != last or now - when > self._options.stroke:
                 self._worker.do(self.session.mark)
 
     def _dragged(self, gizmo: Gizmo, pose: Pose, phase: str) -> None:
-        """A hand has moved something; on the page's thread."""
+        """Follow a gizmo that a hand has dragged; on the server's thread."""
         began = time.perf_counter()
         if phase == "start":
             self._stroke = (None, 0.0)
@@ -279,7 +287,7 @@ class Page:
         self._worker.move(self._of_posture(follow))
 
     def _waypoint_dragged(self, gizmo: Gizmo, pose: Pose) -> None:
-        """A hand has moved a waypoint: the path follows, the motion is planned when it is asked."""
+        """Follow a waypoint that a hand has dragged; the motion is planned on request."""
 
         def follow() -> None:
             self.session.put(gizmo.changes(self.session.state.problem, pose))
@@ -289,19 +297,20 @@ class Page:
             self._worker.move(follow, rests=False)
 
     def _undone(self) -> None:
-        """A step is undone; where that concerns the posture, it is shown."""
+        """Undo a step; where that concerns the posture, it is shown."""
         before = self.state.solution
         self.session.undo()
         if self.path is not None and self.state.solution is not before:
             self.path.leave()
 
     def _rested(self) -> None:
-        """The hand rests: whether there is a better posture is looked for."""
+        """Look for a better posture while the hand rests."""
         self._searched(None)
         if self.path is not None:
             self.path.resume()
 
-    def _searched(self, aim: Aim | None) -> None:
+    def _searched(self, aim: SearchAim | None) -> None:
+        """Search, and show as a ghost the posture that the arms have jumped from."""
         try:
             self.session.search(aim, self._progress)
         finally:
@@ -312,6 +321,7 @@ class Page:
         self._look()
 
     def _changed(self, changes: Mapping[str, Any]) -> None:
+        """Change settings, and search."""
         try:
             self.session.change(changes, self._progress)
         finally:
@@ -319,17 +329,18 @@ class Page:
         self._look()
 
     def _picked(self, case: str) -> None:
+        """Show another case."""
         self.session.pick(case)
         self._look()
 
     def _moved(self, move: Callable[[], None]) -> None:
-        """A hand has moved an arm."""
+        """Move an arm, and show it on its self-motion."""
         move()
         with self.server.atomic():
             self.panel.hand.show(self._hand)
 
     def _look(self) -> None:
-        """Follow the self-motions from here, unless a hand moves meanwhile."""
+        """Follow the self-motions from the present posture, unless a hand moves meanwhile."""
         if self._worker.waiting:
             return
         with contextlib.suppress(StoppedError), self.session.watched():
@@ -339,39 +350,41 @@ class Page:
                 self.panel.hand.rest()
 
     def _waited(self) -> bool:
-        """A moment between two pictures of a transition; False where a hand wants something."""
+        """Wait a moment between two pictures of a transition; False where a task is waiting."""
         if self._worker.waiting or not self.server.get_clients():
             return False
-        time.sleep(_MOMENT)
+        time.sleep(self._options.moment)
         return True
 
     def _fade(self, left: Posture) -> None:
         """Show for a moment, as a ghost, the posture that the arms have jumped from."""
         self.stage.scene.show_before(left)
-        for _ in range(_FADE):
+        for _ in range(self._options.fade):
             if not self._waited():
                 break
         self.stage.scene.show_before(self.state.start)
 
     def _progress(self, now: Progress) -> None:
+        """Show progress, and interrupt the search where a hand moves."""
         if self._worker.pressed:
             # A move that came as the search began did not find it to interrupt.
             self.session.interrupt()
         self.panel.progress(now)
 
     def _planned(self, now: Progress | None) -> None:
-        """How far planning is; None once it is over."""
+        """Show the progress of planning; None once it is over."""
         if now is None:
             self.panel.progress(None)
         else:
             self._progress(now)
 
     def _failed(self, error: Exception) -> None:
-        """Say what went wrong, and stay as it was."""
+        """Show the error of a task."""
         words = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
         self.session.fail(words)
 
     def _shown(self, what: str, visible: bool) -> None:
+        """Show or hide a part of the scene."""
         with self.server.atomic():
             if what == "path" and self.path is not None:
                 self.path.see(visible)
@@ -381,7 +394,7 @@ class Page:
                 self._show_exact_set()
 
     def _show_exact_set(self) -> None:
-        """What torque limits allow, exactly, where it is asked for and the hand rests."""
+        """Show the exact set of accelerations where it is asked for and the hand rests."""
         state, posture = self.state, None
         moving = self.path is not None and self.path.shown
         after = state.solution.after
@@ -408,7 +421,7 @@ class Page:
 
 
 def free_port(host: str, port: int) -> int:
-    """A port that can be had: the one that is asked for, of 0 any.
+    """A free port: the one that is asked for, for 0 any.
 
     Raises:
         InputError: it is taken, or the address is not this machine's.

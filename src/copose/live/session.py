@@ -1,4 +1,4 @@
-"""The problem on the page, the posture of its arms and its value, and their changes and undo."""
+"""The problem on the page and the posture of its arms, with changes, searches and undo."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 from copose.errors import InputError
 from copose.live.problem_file.document import Changes, Document
-from copose.live.state import Aim, State, Step
+from copose.live.state import SearchAim, State, Step
 from copose.live.transition import self_motion_way
 from copose.poses import Array
 from copose.posture import Planner
@@ -19,46 +19,49 @@ from copose.progress import Tell, Watch, watched
 from copose.results import Optimum, Posture, Solution
 from copose.self_motion.misses.gaps import Followed, Gap
 
-# Planners that are kept; another setting needs another one.
-_PLANNERS = 4
-# Steps that can be undone.
-_STEPS = 100
-# What another posture must be worth more, relative, to be moved to.
-_BETTER = 1e-6
-# Local optima that are listed.
-_LISTED = 8
-# Objectives closer than this, relative, are of one optimum met by different ways.
-_ALIKE = 1e-6
-
 Joints: TypeAlias = Mapping[str, Sequence[float]]
+
+
+@dataclass(frozen=True)
+class SessionOptions:
+    """Numbers that a session keeps, and differences that count."""
+
+    planners: int = 4  # planners that are kept: another setting needs another one
+    steps: int = 100  # steps that can be undone
+    better: float = 1e-6  # relative gain from which on a posture is better
+    optima: int = 8  # local optima that are listed
+    alike: float = 1e-6  # relative difference of objectives up to which they are of one optimum
 
 
 @dataclass(eq=False)
 class Session:
     """A problem that is being changed, and the posture of its arms.
 
-    Every method may take its time and belongs to one thread, but `interrupt`.
+    Every method may take its time and belongs to one thread, but for `interrupt`.
 
     Attributes:
         document: the problem as it was opened.
-        told: is told of every new state.
-        waited: is called between two postures of a transition; whether it is to go on.
-        state: the last of them.
+        told: function that is told of every new state.
+        waited: function that is called between two postures of a transition, and says whether to
+            go on.
+        options: numbers and differences.
+        state: the present state.
         spare: degrees of freedom to spare, by arm.
     """
 
     document: Document
     told: Callable[[State], object]
     waited: Callable[[], bool] = lambda: False
+    options: SessionOptions = SessionOptions()
     state: State = field(init=False)
     spare: Mapping[str, int] = field(init=False)
     _changes: dict[str, Any] = field(default_factory=dict)
     _planners: list[Planner] = field(default_factory=list)
     _steps: list[Step] = field(default_factory=list)
     _watch: Watch | None = None
-    # Where everything was as the arms were in the start.
+    # Places of everything at the start of the arms.
     _start_places: Changes = field(default_factory=dict)
-    # Settings by which the start was last measured, and the objective there.
+    # Settings by which the start was measured last, and the objective there.
     _measured: tuple[Changes, float | None] | None = None
 
     def open(self) -> None:
@@ -97,14 +100,14 @@ class Session:
         return dict(self._changes)
 
     def interrupt(self) -> None:
-        """End a search that is under way; any thread may say so."""
+        """End a search that is under way; from any thread."""
         watch = self._watch
         if watch is not None:
             watch.interrupt()
 
     @contextmanager
     def watched(self, tell: Tell | None = None) -> Iterator[Watch]:
-        """Work that `interrupt` ends."""
+        """A time in which `interrupt` ends the work."""
         with watched(tell) as self._watch:
             try:
                 yield self._watch
@@ -112,7 +115,7 @@ class Session:
                 self._watch = None
 
     def mark(self) -> None:
-        """Make what is shown now a step that an undo goes back to."""
+        """Make the present state a step that an undo goes back to."""
         self._keep(self._step())
 
     def unmark(self) -> None:
@@ -126,7 +129,7 @@ class Session:
             self._back(self._steps.pop())
 
     def move(self, changes: Changes) -> None:
-        """Let the arms follow what a hand moves: object, base or grasp.
+        """Let the arms follow an object, base or grasp that a hand moves.
 
         Where they cannot, they stay, and the message says which of them misses by how much.
 
@@ -143,7 +146,7 @@ class Session:
             raise
 
     def put(self, changes: Changes) -> None:
-        """Change what the posture does not depend on, such as waypoints.
+        """Change values that the posture does not depend on, such as waypoints.
 
         Raises:
             InputError: no problem has such values; nothing is changed then.
@@ -155,7 +158,7 @@ class Session:
 
         Args:
             changes: by dotted path.
-            tell: is told of progress.
+            tell: function that is told of progress.
 
         Raises:
             InputError: no problem has such settings; nothing is changed then.
@@ -169,20 +172,20 @@ class Session:
             self._follow(planner, problem)
             self.search(None, tell)
         except Exception:
-            self._steps = [each for each in self._steps if each is not step]
+            self._steps = [other for other in self._steps if other is not step]
             self._back(step)
             raise
 
-    def search(self, aim: Aim | None = None, tell: Tell | None = None) -> None:
+    def search(self, aim: SearchAim | None = None, tell: Tell | None = None) -> None:
         """Search everything with the object where it is; the arms move where that is better.
 
         Args:
-            aim: how thoroughly; default as the problem says. What was asked for in so many words
-                moves the arms to the best that was found, a tie or not.
-            tell: is told of progress.
+            aim: effort, seed and check; default the problem's. With an aim the arms move to the
+                best posture of the search even where it is no better.
+            tell: function that is told of progress.
         """
         problem = self.state.problem
-        planner, asked = self._planner(problem), aim or Aim()
+        planner, asked = self._planner(problem), aim or SearchAim()
 
         with self.watched(tell) as watch:
             solution = planner.solve(
@@ -193,9 +196,10 @@ class Session:
             return
         outcome = self._outcome(planner, problem, solution)
         if aim is None and self.state.reached and outcome["reached"]:
-            # What was refused is still to be read.
+            # A refusal is still to be read.
             outcome["message"] = self.state.message
-        if aim is None and self.state.reached and not _better(solution, self.state):
+        better = _better(solution, self.state, self.options.better)
+        if aim is None and self.state.reached and not better:
             outcome |= {"solution": self.state.solution, "shares": self.state.shares}
         elif self.state.reached and solution.after is not None:
             outcome["left"] = self._pass_over(planner, solution.after)
@@ -215,31 +219,32 @@ class Session:
             self._tell(message=solution.reason or "")
 
     def fail(self, words: str) -> None:
-        """Say that something went wrong; all else stays as it is."""
+        """Show words on a failure; all else stays."""
         self._tell(message=words)
 
     def planner(self) -> Planner:
-        """The planner of what is shown."""
+        """The planner of the present problem."""
         return self._planner(self.state.problem)
 
     def _step(self) -> Step:
-        """What is shown now, but for what was refused there."""
+        """The present state as a step, without the message of a refusal."""
         state = self.state
         return Step(self.changes, replace(state, message="") if state.reached else state)
 
     def _back(self, step: Step) -> None:
-        """Show what was shown at a step."""
+        """Go back to a step."""
         self._changes = dict(step.changes)
         self._tell(**{**vars(step.state), "undoable": bool(self._steps)})
 
     def _keep(self, step: Step) -> None:
-        self._steps = [*self._steps[1 - _STEPS :], step]
+        """Add a step; the oldest one is forgotten where there are too many."""
+        self._steps = [*self._steps[1 - self.options.steps :], step]
 
     def _changed(self, changes: Changes) -> Problem:
         """The problem with changes, which count from now on."""
         merged = {**self._changes}
         for key, value in changes.items():
-            # What is changed again counts where it stands last.
+            # A key that is changed again goes to the end: later changes count.
             merged.pop(key, None)
             merged[key] = value
         problem = self.document.problem(merged)
@@ -252,7 +257,7 @@ class Session:
         if posture is not None:
             followed = planner.follow(posture.joints, problem=problem)
         if followed.solution is not None:
-            # Optima that a search has found elsewhere are none here.
+            # Optima of a search elsewhere are none here.
             self._show(problem, followed.solution, searched=False, optima=())
             return
         self._tell(
@@ -268,12 +273,12 @@ class Session:
                 break
         else:
             planner = Planner(problem, movable=True)
-        self._planners = [*self._planners[1 - _PLANNERS :], planner]
+        self._planners = [*self._planners[1 - self.options.planners :], planner]
         return planner
 
     def _following(self, problem: Problem) -> Planner:
-        """The planner at hand while something is moved: bodies that move with a base are as they
-        were until the hand rests.
+        """The latest planner while something is moved: bodies that move with a base stay in it as
+        they were until the hand rests.
         """
         return self._planners[-1] if self._planners else self._planner(problem)
 
@@ -296,9 +301,9 @@ class Session:
         self.state = replace(self.state, start=solution.before or solution.after)
 
     def _outcome(self, planner: Planner, problem: Problem, solution: Solution) -> dict[str, Any]:
-        """What a search changes of the state."""
+        """The values of the state that a search changes."""
         search = solution.search
-        optima = () if search is None else _distinct(search.local_optima)
+        optima = () if search is None else self._distinct(search.local_optima)
         if solution.after is None:
             shown = self.state.solution if self.state.solution.after is not None else solution
             return {
@@ -313,9 +318,19 @@ class Session:
             "start_value": self._start_value(planner),
         }  # fmt: skip
 
+    def _distinct(self, optima: Sequence[Optimum]) -> tuple[Optimum, ...]:
+        """The best local optima, of those with one value the first."""
+        distinct: list[Optimum] = []
+        for optimum in optima:
+            value, known = optimum.objective, [other.objective for other in distinct]
+            alike = self.options.alike
+            if not any(abs(value - other) <= alike * max(1.0, abs(other)) for other in known):
+                distinct.append(optimum)
+        return tuple(distinct[: self.options.optima])
+
     def _pass_over(self, planner: Planner, end: Posture) -> Posture | None:
-        """Show the way to a better posture, where the arms can go there and hold the object; else
-        the posture that they leave.
+        """Show the transition to a better posture where the arms can hold the object on the way;
+        else return the posture that they leave.
         """
         state, start = self.state, self.state.solution.after
         if start is None:
@@ -328,6 +343,7 @@ class Session:
         return None if way else start
 
     def _show(self, problem: Problem, solution: Solution, **changed: Any) -> None:
+        """Show a posture that holds the object."""
         planner = self._following(problem)
         self._tell(
             problem=problem, solution=solution, reached=True, message="", left=None,
@@ -338,46 +354,38 @@ class Session:
     def _shares(
         self, planner: Planner, problem: Problem, solution: Solution
     ) -> dict[str, Array] | None:
+        """Shares of torque limits that hold the object at rest, by arm."""
         if solution.after is None:
             return None
         return planner.holding_shares(solution.after.joints, problem=problem)
 
     def _tell(self, **changed: Any) -> None:
+        """Tell of a new state with changed values."""
         changed.setdefault("undoable", bool(self._steps))
         self.state = replace(self.state, **changed)
         self.told(self.state)
 
 
 def _is_place(key: str) -> bool:
-    """Whether a key is of where something is, which the start has of its own."""
+    """Whether a key is of a place, of which the start has its own."""
     last = key.rpartition(".")[2]
     return last in ("position", "rpy", "quaternion", "angle", "base", "grasp")
 
 
-def _better(solution: Solution, state: State) -> bool:
-    """Whether a search has found a better posture than the one that is shown."""
+def _better(solution: Solution, state: State, least: float) -> bool:
+    """Whether a result is better than a state by a relative gain."""
     new, old = solution.objective.after, state.value
     if new is None or old is None:
         return new is not None
-    return new > old + _BETTER * max(1.0, abs(old))
-
-
-def _distinct(optima: Sequence[Optimum]) -> tuple[Optimum, ...]:
-    """The best local optima, of those with one value the first."""
-    found: list[Optimum] = []
-    for each in optima:
-        known = (one.objective for one in found)
-        if not any(abs(each.objective - one) <= _ALIKE * max(1.0, abs(one)) for one in known):
-            found.append(each)
-    return tuple(found[:_LISTED])
+    return new > old + least * max(1.0, abs(old))
 
 
 def _missing(gaps: Mapping[str, Gap]) -> str:
-    """Which arms miss their grasps, and by how much."""
+    """A sentence on the arms that miss their grasps, and by how much."""
     if not gaps:
         return "the arms cannot follow here: limits on torques or bodies are in the way"
-    told = []
+    misses = []
     for name, gap in gaps.items():
         turned = f" and {math.degrees(gap.angle):.3g}°" if gap.angle else ""
-        told.append(f"arm {name!r} misses its grasp by {gap.distance:.3g} m{turned}")
-    return "; ".join(told)
+        misses.append(f"arm {name!r} misses its grasp by {gap.distance:.3g} m{turned}")
+    return "; ".join(misses)

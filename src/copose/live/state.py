@@ -1,4 +1,4 @@
-"""The states of a page, the steps that an undo goes back to, and what a search aims at."""
+"""States of the page, steps that an undo goes back to, and aims of a search."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ class State:
     """A problem, the posture that is shown and its values.
 
     Attributes:
-        problem: as it would be saved.
-        solution: whose ``after`` is shown; of a problem that was never held, whose
+        problem: the problem as it would be saved.
+        solution: the result whose ``after`` is shown; where nothing has held the object yet, its
             ``nearest_miss``.
-        start: where the arms were when the page opened, or the first posture that held the object.
+        start: the posture with which the page opened, or the first that held the object.
         start_value: the objective there, by the settings of the solution; None where it has none.
-        shares: of each joint's torque limit while the object is held at rest, by arm; None where
-            that is not known.
-        optima: of the last search, the best first.
+        shares: shares of the joints' torque limits that hold the object at rest, by arm; None where
+            they are not known.
+        optima: local optima of the last search, the best first.
         message: why the object cannot be where it is, or what else went wrong; empty if nothing.
         reached: whether the arms hold the object where it is.
         searched: whether the posture is the best of a search here.
@@ -64,7 +64,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Aim:
+class SearchAim:
     """The effort, seed and check of a search."""
 
     effort: EffortName = "normal"

@@ -1,4 +1,4 @@
-"""A thread that does one thing at a time: what a hand does last counts, the rest waits its turn."""
+"""A thread that does one task at a time; of moves only the newest counts."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Worker:
         """Begin to wait for tasks.
 
         Args:
-            rested: what is done when the hand rests.
-            failed: is told what a task raised.
-            rest_s: how long it has to rest for that, s.
+            rested: task that is done when the hand rests.
+            failed: function that is told of errors of tasks.
+            rest_s: time without a move that counts as rest, s.
         """
         self._rested, self._failed, self._rest_s = rested, failed, rest_s
         self._ready = threading.Condition()
@@ -51,8 +51,8 @@ class Worker:
         """Do a task soon, unless another one like it comes first.
 
         Args:
-            task: to be done.
-            rests: whether rest after it is of interest.
+            task: the task.
+            rests: whether the work of rest follows it.
         """
         with self._ready:
             self._move, self._rests = task, rests
@@ -60,7 +60,7 @@ class Worker:
 
     @property
     def waiting(self) -> bool:
-        """Whether something is to be done that would rather not wait, such as to end."""
+        """Whether a task, a move or the end is waiting."""
         return self._ended or self._move is not None or bool(self._tasks)
 
     @property
@@ -86,6 +86,7 @@ class Worker:
             self._thread.join()
 
     def _run(self) -> None:
+        """Do tasks until the end."""
         while (task := self._next()) is not None:
             try:
                 task()
@@ -94,10 +95,11 @@ class Worker:
                 self._tell(error)
 
     def _tell(self, error: Exception) -> None:
+        """Tell of the error of a task."""
         try:
             self._failed(error)
         except Exception:
-            # Where drawing is what fails, so does saying it; hands are still to be answered.
+            # Where drawing fails, so does telling of it; the thread must go on.
             traceback.print_exc()
 
     def _next(self) -> Task | None:

@@ -1,11 +1,11 @@
-"""The manual, one Markdown file a topic."""
+"""The manual, one file in Markdown for each topic."""
 
 from pathlib import Path
+from typing import Literal, TypeAlias, get_args
 
 from copose.errors import InputError, nearest
 
-_FOLDER = Path(__file__).parent
-_ORDER = (
+Topic: TypeAlias = Literal[
     "getting-started",
     "robots",
     "measures",
@@ -24,14 +24,15 @@ _ORDER = (
     "code",
     "troubleshooting",
     "faq",
-)
+]
+"""Names of topics, in the order in which to read them."""
 
 
 def topics() -> dict[str, str]:
     """The titles of all topics, by their names, in the order in which to read them."""
     return {
         topic: _text(topic).partition("\n")[0].removeprefix("# ").partition(": ")[2]
-        for topic in _ORDER
+        for topic in get_args(Topic)
     }
 
 
@@ -41,13 +42,15 @@ def page(topic: str) -> str:
     Raises:
         InputError: there is none.
     """
-    if topic not in _ORDER:
+    known = get_args(Topic)
+    if topic not in known:
         raise InputError(
-            f"no topic is called {topic!r}{nearest(topic, _ORDER)} (`copose manual` lists them)",
+            f"no topic is called {topic!r}{nearest(topic, known)} (`copose manual` lists them)",
             key="TOPIC",
         )
     return _text(topic)
 
 
 def _text(topic: str) -> str:
-    return (_FOLDER / f"{topic}.md").read_text(encoding="utf-8")
+    """The content of a topic's file."""
+    return Path(__file__).with_name(f"{topic}.md").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Markdown on a terminal, tables whole."""
+"""Markdown on a terminal, with whole tables."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class _FoldedTable(TableElement):
             yield part
 
 
-class Page(Markdown):
+class ManualPage(Markdown):
     """Markdown as Rich renders it, with all of its tables."""
 
     elements: ClassVar[dict[str, type[MarkdownElement]]] = {

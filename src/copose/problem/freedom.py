@@ -7,7 +7,7 @@ from pydantic import AliasChoices, Field
 from copose.problem.fields import Interval, Spec
 
 
-class Freedom(Spec):
+class FreedomRanges(Spec):
     """Ranges of free coordinates: those that are not named stay.
 
     Attributes:
@@ -28,7 +28,7 @@ class Freedom(Spec):
         return {name: interval for name, interval in given if interval is not None}
 
 
-class SpatialFreedom(Freedom):
+class SpatialFreedom(FreedomRanges):
     """``[object.freedom]``: offsets to position, world axes, and to roll, pitch, yaw."""
 
     x: Interval | None = None
@@ -39,7 +39,7 @@ class SpatialFreedom(Freedom):
     yaw: Interval | None = None
 
 
-class PlanarFreedom(Freedom):
+class PlanarFreedom(FreedomRanges):
     """``[object.freedom]`` in the plane."""
 
     x: Interval | None = None
@@ -47,7 +47,7 @@ class PlanarFreedom(Freedom):
     angle: Interval | None = None
 
 
-class BaseFreedom(Freedom):
+class BaseFreedom(FreedomRanges):
     """``[arms.freedom.base]``: offsets to the pose of an arm's base, world axes."""
 
     x: Interval | None = None
@@ -56,7 +56,7 @@ class BaseFreedom(Freedom):
     yaw: Interval | None = None
 
 
-class PlanarBaseFreedom(Freedom):
+class PlanarBaseFreedom(FreedomRanges):
     """``[arms.freedom.base]`` in the plane; ``angle`` and ``yaw`` are the same there."""
 
     x: Interval | None = None
@@ -64,7 +64,7 @@ class PlanarBaseFreedom(Freedom):
     yaw: Interval | None = Field(default=None, validation_alias=AliasChoices("angle", "yaw"))
 
 
-class GraspFreedom(Freedom):
+class GraspFreedom(FreedomRanges):
     """``[arms.freedom.grasp]``: offsets to a grasp, object axes, and a turn about the tip's z."""
 
     x: Interval | None = None
@@ -73,7 +73,7 @@ class GraspFreedom(Freedom):
     twist: Interval | None = None
 
 
-class PlanarGraspFreedom(Freedom):
+class PlanarGraspFreedom(FreedomRanges):
     """``[arms.freedom.grasp]`` in the plane; ``angle`` and ``twist`` are the same there."""
 
     x: Interval | None = None

@@ -7,11 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from copose.problem.fields import as_tuples
-from copose.problem.objectives import (
-    AccelerationObjective,
-    TaskCompatibilityObjective,
-    WeightedDirection,
-)
 from copose.problem.spec import Problem
 
 
@@ -35,12 +30,7 @@ def case_problems(problem: Problem) -> tuple[Problem, ...]:
                 inertia = np.array(thing.inertia) * (case.mass / thing.mass)
                 update["inertia"] = as_tuples(inertia)
         if case.direction is not None:
-            asked: dict[str, object] = {"direction": case.direction}
-            if isinstance(objective, TaskCompatibilityObjective):
-                asked = {"directions": (WeightedDirection(direction=case.direction),)}
-            elif isinstance(objective, AccelerationObjective):
-                asked["directions"] = None
-            objective = objective.model_copy(update=asked)
+            objective = objective.along(case.direction)
         update = {"object": thing.model_copy(update=update), "objective": objective}
         found.append(changed(problem, update))
     return tuple(found)

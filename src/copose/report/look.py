@@ -9,8 +9,8 @@ from copose.results import Posture
 
 
 @dataclass(frozen=True)
-class Look:
-    """Look of all pictures, in colours of Okabe and Ito that people with colour-blindness tell
+class PictureLook:
+    """The look of all pictures, in colours of Okabe and Ito that people with colour-blindness tell
     apart.
     """
 
@@ -44,7 +44,7 @@ class Look:
         }
 
 
-LOOK = Look()
+LOOK = PictureLook()
 
 
 def arm_colors(posture: Posture) -> dict[str, str]:

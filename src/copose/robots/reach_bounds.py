@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from copose.poses import Array, Pose, rotation_rows
-from copose.robots import Arm, Joint
+from copose.robots.arm import Arm, Joint
 
 
 def levers(arm: Arm) -> Array:

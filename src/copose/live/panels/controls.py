@@ -1,4 +1,4 @@
-"""Controls of the panel that tell a hand's changes from the page's own."""
+"""Controls of the panel, which tell a hand's changes from the page's own."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ class Controls:
     order: they ask controls for their values.
 
     Attributes:
-        gui: where.
+        gui: the panel of viser.
     """
 
     def __init__(self, gui: viser.GuiApi) -> None:
-        """Controls of a panel."""
+        """The controls of a panel."""
         self.gui = gui
         self._setter: int | None = None
 
     @contextmanager
     def setting(self) -> Iterator[None]:
-        """While this thread sets controls, which is nobody's wish."""
+        """A time in which this thread sets controls, so that handlers are not called."""
         self._setter = threading.get_ident()
         try:
             yield
@@ -53,7 +53,7 @@ class Controls:
 
 
 def put(control: Any, value: object) -> None:
-    """Set a control that says something else."""
+    """Set the value of a control, where it is another."""
     if control.value != value:
         control.value = value
 
@@ -62,3 +62,9 @@ def see(control: Any, visible: bool) -> None:
     """Show or hide a control."""
     if control.visible != visible:
         control.visible = visible
+
+
+def put_content(control: Any, content: str) -> None:
+    """Set the HTML of a control, where it is another."""
+    if control.content != content:
+        control.content = content

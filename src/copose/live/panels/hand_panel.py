@@ -8,17 +8,9 @@ from functools import partial
 from typing import Any, Protocol
 
 from copose.live.jog import ByHand
-from copose.live.panels.controls import Controls, put, see
+from copose.live.panels.controls import Controls, put, put_content, see
 from copose.live.plots.landscape_figure import curve_svg
 from copose.live.plots.landscape_map import map_svg
-
-# Ends of sliders that move an arm from where it is, rad (or m).
-_FARTHEST = 1.5
-_INTRO = (
-    "With the object held still an arm with a joint to spare moves along its *self-motion*. The "
-    "curve is the objective along it; the map that of two arms together."
-)
-_NONE = "No arm has a joint to spare: with the object held still nothing moves."
 
 
 class HandActs(Protocol):
@@ -34,17 +26,20 @@ class HandActs(Protocol):
 class HandPanel:
     """Sliders, curves and the map."""
 
-    def __init__(self, controls: Controls, spare: Mapping[str, int], acts: HandActs) -> None:
+    def __init__(
+        self, controls: Controls, spare: Mapping[str, int], acts: HandActs, *, farthest: float = 1.5
+    ) -> None:
         """Build the controls.
 
         Args:
-            controls: where.
+            controls: the panel's controls.
             spare: degrees of freedom to spare, by arm.
-            acts: what is done.
+            acts: the actions.
+            farthest: ends of sliders that move an arm from its posture, rad (or m).
         """
         self._controls, self._acts = controls, acts
         gui = controls.gui
-        gui.add_markdown(_INTRO if any(d > 0 for d in spare.values()) else _NONE)
+        gui.add_markdown(_introduction(any(d > 0 for d in spare.values())))
         self._sliders: dict[str, Any] = {}
         self._curves: dict[str, Any] = {}
         # Hands jog on threads of their own.
@@ -57,7 +52,7 @@ class HandPanel:
                 controls.when(slider, partial(self._slid, arm))
                 self._sliders[arm], self._curves[arm] = slider, gui.add_html("")
             for k in range(d if d > 1 else 0):
-                jog = gui.add_slider(f"{arm}, {k + 1}", -_FARTHEST, _FARTHEST, 0.01, 0.0)
+                jog = gui.add_slider(f"{arm}, {k + 1}", -farthest, farthest, 0.01, 0.0)
                 controls.when(jog, partial(self._jogged, arm, k))
                 self._jogs[arm, k], self._at[arm, k] = jog, 0.0
         self._map = gui.add_html("", visible=len(self._sliders) > 1)
@@ -76,28 +71,34 @@ class HandPanel:
             see(self._map, hand.map is not None)
             if hand.map is not None:
                 first, second = hand.map.first.arm, hand.map.second.arm
-                here = hand.positions[first], hand.positions[second]
+                present = hand.positions[first], hand.positions[second]
                 value = hand.session.state.value
-                put_content(self._map, map_svg(hand.map, present=here, value=value))
+                put_content(self._map, map_svg(hand.map, present=present, value=value))
 
     def rest(self) -> None:
-        """Put jogs back to the middle: from here on they count from where the arms are."""
+        """Put jogs back to the middle: they count from the present posture then."""
         with self._controls.setting(), self._jogging:
             for key, jog in self._jogs.items():
                 self._at[key] = 0.0
                 put(jog, 0.0)
 
     def _slid(self, arm: str) -> None:
+        """Move an arm to the place of its slider."""
         self._acts.slide(arm, float(self._sliders[arm].value))
 
     def _jogged(self, arm: str, direction: int) -> None:
+        """Move an arm by the change of one of its jogs."""
         with self._jogging:
             value = float(self._jogs[arm, direction].value)
             amount, self._at[arm, direction] = value - self._at[arm, direction], value
         self._acts.jog(arm, direction, amount)
 
 
-def put_content(control: Any, content: str) -> None:
-    """Set the HTML of a control, where it is another."""
-    if control.content != content:
-        control.content = content
+def _introduction(spare: bool) -> str:
+    """The words above the sliders, in Markdown."""
+    if not spare:
+        return "No arm has a joint to spare: with the object held still nothing moves."
+    return (
+        "With the object held still an arm with a joint to spare moves along its *self-motion*. "
+        "The curve is the objective along it; the map that of two arms together."
+    )

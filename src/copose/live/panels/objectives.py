@@ -1,4 +1,4 @@
-"""Settings of the panel as changes of a problem: objectives, directions, ellipsoids."""
+"""Objectives and directions that the panel sets, as tables of a problem."""
 
 from __future__ import annotations
 
@@ -16,37 +16,25 @@ from copose.problem import Problem
 from copose.report.words import OBJECTIVES
 from copose.results import Solution
 
-# Objectives that the page offers, by their kinds.
-KINDS = (
-    "volume",
-    "task-compatibility",
-    "worst-direction",
-    "isotropy",
-    "acceleration",
-    "payload",
-    "all-round",
-    "velocity-volume",
-    "force-volume",
-)
-# Those that take a direction.
-DIRECTED = ("task-compatibility", "acceleration")
+KINDS = tuple(OBJECTIVES)
+"""Kinds of objectives that the page offers."""
 
 
 def offered(document: Document, solution: Solution) -> list[str]:
-    """The kinds of objective that a problem can have: with gravity, axes and torque limits as they
-    are.
+    """Kinds of objectives that a problem can have with its gravity, axes and torque limits.
 
     Args:
-        document: of the problem.
-        solution: of it, which states the limits.
+        document: the problem.
+        solution: a result of it, which states the limits.
     """
     limits = [joint.torque for joints in solution.limits.values() for joint in joints]
-    now = document.problem({})
-    kinds = dict.fromkeys((now.objective.kind, *KINDS))
-    return [kind for kind in kinds if kind == now.objective.kind or _fits(document, kind, limits)]
+    own = document.problem({}).objective.kind
+    kinds = dict.fromkeys((own, *KINDS))
+    return [kind for kind in kinds if kind == own or _fits(document, kind, limits)]
 
 
 def _fits(document: Document, kind: str, limits: Sequence[float | None]) -> bool:
+    """Whether a problem can have a kind of objective."""
     if OBJECTIVES[kind].limited and None in limits:
         return False
     try:
@@ -56,10 +44,15 @@ def _fits(document: Document, kind: str, limits: Sequence[float | None]) -> bool
     return True
 
 
+def directed(kind: str) -> bool:
+    """Whether the panel sets a direction of a kind of objective."""
+    return kind in ("task-compatibility", "acceleration")
+
+
 def direction_of(problem: Problem) -> Array | None:
     """The first direction of the objective as a unit vector, (m,) or (a,); None without one."""
     objective: Any = problem.objective
-    directions = [each.direction for each in getattr(objective, "directions", None) or ()]
+    directions = [entry.direction for entry in getattr(objective, "directions", None) or ()]
     if not directions and getattr(objective, "direction", None) is not None:
         directions = [objective.direction]
     return np.asarray(problem.along(directions[0])) if directions else None
@@ -73,19 +66,19 @@ def objective_table(
     axes = getattr(problem.objective, "axes", None)
     if axes is not None:
         table["axes"] = list(axes)
-    if kind in DIRECTED:
+    if directed(kind):
         along = list(direction) if direction is not None else default_direction(problem)
         table["directions"] = [{"direction": [float(x) for x in along]}]
     return table
 
 
 def objective_of_kind(opened: Problem, now: Problem, kind: str) -> Mapping[str, Any]:
-    """``[objective]`` of a kind: as the problem was opened with where that is its kind, so that
-    weights and further directions are not lost.
+    """``[objective]`` of a kind: the one that the problem was opened with where it is of that kind,
+    so that weights and further directions are kept.
     """
     if kind == opened.objective.kind:
-        found: Mapping[str, Any] = tables_of(opened).get("objective", {"kind": kind})
-        return found
+        table: Mapping[str, Any] = tables_of(opened).get("objective", {"kind": kind})
+        return table
     return objective_table(now, kind)
 
 
@@ -100,13 +93,13 @@ def default_direction(problem: Problem) -> list[float]:
 
 
 def pointing(names: Sequence[str], part: str, azimuth: float, elevation: float) -> list[float]:
-    """A direction by two angles, degrees, in those of the coordinates that are there.
+    """A direction by two angles, degrees, in the coordinates that count.
 
     Args:
-        names: of the coordinates that count, such as x, y, z, roll, pitch, yaw.
+        names: names of these coordinates, such as x, y, z, roll, pitch, yaw.
         part: linear or angular.
         azimuth: from x towards y.
-        elevation: from there towards z; nothing in the plane.
+        elevation: from there towards z; without effect in the plane.
     """
     a, e = math.radians(azimuth), math.radians(elevation)
     vector = (math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e))
@@ -117,7 +110,7 @@ def pointing(names: Sequence[str], part: str, azimuth: float, elevation: float) 
 
 
 def angles(names: Sequence[str], direction: Sequence[float]) -> tuple[str, float, float]:
-    """The part, azimuth and elevation, degrees, whose `pointing` a direction is."""
+    """The part, azimuth and elevation, degrees, of a direction; the inverse of `pointing`."""
     by_name = dict(zip(names, direction, strict=True))
     linear = np.array([by_name.get(name, 0.0) for name in "xyz"])
     angular = np.array([by_name.get(name, 0.0) for name in ("roll", "pitch", "yaw")])

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
 
 import viser
 
 from copose.live.panels import readout
-from copose.live.panels.controls import Controls, see
-from copose.live.panels.hand_panel import HandActs, HandPanel, put_content
+from copose.live.panels.controls import Controls, put_content, see
+from copose.live.panels.hand_panel import HandActs, HandPanel
+from copose.live.panels.markup import line
 from copose.live.panels.path_panel import PathActs, PathPanel
 from copose.live.panels.search_panel import SearchActs, SearchPanel
 from copose.live.panels.task_panel import TaskActs, TaskPanel
@@ -19,14 +21,13 @@ from copose.live.state import State
 from copose.problem import Problem
 from copose.progress import Progress
 
-# From when on progress is shown, s.
-_A_WHILE = 0.3
-# How long it stays as it is, s.
-_MOMENT = 0.1
-_COLORS = (
-    "Orange, at the object: linear accelerations that torques of the unit ball, or within limits, "
-    "give it. Purple, above: angular ones."
-)
+
+@dataclass(frozen=True)
+class ProgressTimes:
+    """Times of the bar of progress, s."""
+
+    after: float = 0.3  # time after which it is shown
+    rest: float = 0.1  # time for which it stays
 
 
 class Acts(TaskActs, SearchActs, HandActs, Protocol):
@@ -49,8 +50,8 @@ class Acts(TaskActs, SearchActs, HandActs, Protocol):
         """Write a file."""
 
 
-class Panel:
-    """The controls of a page; what it shows is a state's, what is done is for its `Acts`."""
+class PagePanel:
+    """The controls of a page: it shows states, and its `Acts` do what hands want."""
 
     def __init__(
         self,
@@ -60,18 +61,20 @@ class Panel:
         acts: Acts,
         kinds: Sequence[str],
         cases: Sequence[str] = (),
+        times: ProgressTimes = ProgressTimes(),
     ) -> None:
         """Build the controls.
 
         Args:
-            gui: where.
-            problem: that the page opens with.
+            gui: the panel of viser.
+            problem: the problem that the page opens with.
             spare: degrees of freedom to spare, by arm.
-            acts: what is done.
-            kinds: objectives that the problem can have.
-            cases: names of the file's, of which the first is shown.
+            acts: the actions.
+            kinds: kinds of objectives that the problem can have.
+            cases: names of the file's cases, of which the first is shown.
+            times: times of progress.
         """
-        self._gui, self._acts, self._controls = gui, acts, Controls(gui)
+        self._gui, self._acts, self._controls, self._times = gui, acts, Controls(gui), times
         self._state: State | None = None
         self._head = gui.add_html(f"<div>{_hint(problem)}</div>")
         self._doing = gui.add_html("", visible=False)
@@ -104,7 +107,7 @@ class Panel:
         self.tabs = tabs
 
     def show(self, state: State) -> None:
-        """Show a state; controls go where it is."""
+        """Show a state, and set the controls to its values."""
         with self._controls.setting():
             self._show(state)
 
@@ -112,33 +115,34 @@ class Panel:
         """Show, in place of the posture, arms at an instant of a motion.
 
         Args:
-            head: what is said of it, HTML.
-            state: with its measures.
+            head: its headline, HTML.
+            state: the state with its measures.
         """
         put_content(self._head, head)
         put_content(self._bars, readout.joint_bars(state))
 
     def progress(self, now: Progress | None) -> None:
-        """Show how far a search is that takes a while; nothing once it is over."""
+        """Show the progress of a search that takes a while; None hides it."""
         if now is None:
             see(self._bar, False)
             see(self._doing, False)
             return
         last, self._told = self._told, time.monotonic()
-        if now.elapsed < _A_WHILE or self._told < last + _MOMENT:
+        if now.elapsed < self._times.after or self._told < last + self._times.rest:
             self._told = last
             return
         see(self._bar, True)
         see(self._doing, True)
-        put_content(self._doing, readout.line(f"{now.stage} … {now.elapsed:.1f} s"))
+        put_content(self._doing, line(f"{now.stage} … {now.elapsed:.1f} s"))
         if now.total:
             self._bar.value = 100.0 * min(1.0, (now.done or 0) / now.total)  # type: ignore[misc]
 
     def said(self, words: str) -> None:
-        """Show what became of saving."""
-        self._saved.content = readout.line(words)
+        """Show the outcome of saving."""
+        self._saved.content = line(words)
 
     def _show(self, state: State) -> None:
+        """Show those parts of a state that are new."""
         put_content(self._head, readout.headline(state))
         put_content(self._bars, readout.joint_bars(state))
         if self._state is None or self._state.solution is not state.solution:
@@ -146,7 +150,7 @@ class Panel:
             self._notes.content = readout.notes(state.solution.notes)
         if self._undo.disabled == state.undoable:
             self._undo.disabled = not state.undoable
-        # What was refused is not what the problem says.
+        # Controls that were refused go back to the problem's values.
         if self._state is None or self._state.problem is not state.problem or state.message:
             self._task.show(state.problem)
         if self._state is None or self._state.optima is not state.optima:
@@ -154,6 +158,7 @@ class Panel:
         self._state = state
 
     def _add_view(self, problem: Problem) -> None:
+        """Add the boxes that show and hide parts of the scene."""
         parts = {
             "linear ellipsoid": True,
             "angular ellipsoid": True,
@@ -172,12 +177,16 @@ class Panel:
             del parts["drag obstacles"]
         if problem.path is None:
             del parts["drag waypoints"], parts["path"]
-        self._gui.add_markdown(_COLORS)
+        self._gui.add_markdown(
+            "Orange, at the object: linear accelerations that torques of the unit ball, or within "
+            "limits, give it. Purple, above: angular ones."
+        )
         for name, value in parts.items():
             box = self._gui.add_checkbox(name, value)
             self._controls.when(box, partial(self._see, name, box))
 
     def _add_saving(self, problem: Problem) -> None:
+        """Add names of files and the buttons that write them."""
         gui = self._gui
         stem = _stem(problem)
         kinds = {
@@ -192,17 +201,19 @@ class Panel:
         self._saved = gui.add_html("")
 
     def _see(self, name: str, box: Any) -> None:
+        """Show or hide a part of the scene as its box says."""
         self._acts.show(name, box.value)
 
     def _save(self, kind: str, text: Any) -> None:
+        """Write a file of the name that was typed."""
         self._acts.save(kind, text.value)
 
 
 def _stem(problem: Problem) -> str:
-    """What names of files begin with."""
+    """The beginning of the names of files."""
     return problem.name if problem.source is None else problem.source.stem
 
 
 def _hint(problem: Problem) -> str:
-    """What to do first, in a line."""
+    """A line on the first thing to do."""
     return f"{problem.name}: drag the arrows at the object"

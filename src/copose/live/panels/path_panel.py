@@ -7,15 +7,12 @@ from typing import Protocol
 
 import viser
 
-from copose.live.panels.controls import Controls, put
-from copose.live.panels.hand_panel import put_content
+from copose.live.panels.controls import Controls, put, put_content
+from copose.live.panels.markup import line
 from copose.live.panels.path_words import instant, motion_headline
-from copose.live.panels.readout import line, notes
-from copose.live.path_motion import Course, PathMotion
+from copose.live.panels.readout import notes
+from copose.live.path.motion import PathMotion, PlannedMotion
 from copose.live.plots.path_figure import motion_svg
-
-# Steps of the slider of time, s.
-_STEP = 0.001
 
 
 class PathActs(Protocol):
@@ -41,19 +38,19 @@ class PathPanel:
         """Build the controls.
 
         Args:
-            controls: where.
-            stem: what names of files begin with.
-            acts: what is done.
+            controls: the panel's controls.
+            stem: beginning of the names of files.
+            acts: the actions.
         """
         self._controls = controls
-        self._course: Course | None = None
+        self._course: PlannedMotion | None = None
         gui = controls.gui
         self._head = gui.add_html("")
         self._plan = gui.add_button("Plan", icon=viser.Icon.ROUTE)
         controls.clicked(self._plan, acts.plan)
         self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, disabled=True)
         controls.clicked(self._play, acts.play)
-        self._time = gui.add_slider("time, s", 0.0, 1.0, _STEP, 0.0, disabled=True)
+        self._time = gui.add_slider("time, s", 0.0, 1.0, 0.001, 0.0, disabled=True)
         controls.when(self._time, lambda: acts.go(float(self._time.value)))
         self._instant = gui.add_html("")
         self._curves = gui.add_html("")
@@ -75,7 +72,7 @@ class PathPanel:
             put_content(self._head, motion_headline(path))
             if path.course is not None and path.course is not self._course:
                 self._course = path.course
-                self._time.max = max(path.course.duration, _STEP)
+                self._time.max = max(path.course.duration, self._time.step)
                 self._curves.content = motion_svg(path.course.motion)
                 self._notes.content = notes(path.course.motion.notes)
             self._enable()
@@ -87,31 +84,33 @@ class PathPanel:
             self._show_instant(path)
 
     def planning(self, under_way: bool) -> None:
-        """Show whether planning is under way: what plans then ends it."""
+        """Show whether planning is under way: the button then ends it."""
         self._plan.label = "Stop planning" if under_way else "Plan"
         self._enable(not under_way)
 
     def playing(self, under_way: bool) -> None:
-        """Show whether the motion plays: what plays then stops it."""
+        """Show whether the motion plays: the button then stops it."""
         label = "Pause" if under_way else "Play"
         if self._play.label != label:
             self._play.label = label
             self._play.icon = viser.Icon.PLAYER_PAUSE if under_way else viser.Icon.PLAYER_PLAY
 
     def said(self, words: str) -> None:
-        """Show what became of saving."""
+        """Show the outcome of saving."""
         self._saved.content = line(words)
 
     def _show_instant(self, path: PathMotion) -> None:
         put(self._time, round(path.time, 3))
         put_content(self._instant, instant(path))
 
-    def _enable(self, wanted: bool = True) -> None:
-        enabled = wanted and self._course is not None
+    def _enable(self, idle: bool = True) -> None:
+        """Enable playing where there is a motion, and nothing is being planned."""
+        enabled = idle and self._course is not None
         for control in (self._play, self._time):
             if control.disabled == enabled:
                 control.disabled = not enabled
 
     @staticmethod
     def _save(acts: PathActs, kind: str, text: viser.GuiInputHandle[str]) -> None:
+        """Write a file of the name that was typed."""
         acts.save(kind, text.value)

@@ -1,11 +1,11 @@
-"""A motion in numbers, as HTML for the panel: its value, the instant's, and what is wrong."""
+"""Motions in numbers, as HTML for the panel."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from html import escape
 
-from copose.live.path_motion import PathMotion
+from copose.live.panels.markup import SMALL, message, titled_table
+from copose.live.path.motion import PathMotion
 from copose.live.plots.path_figure import cursor_style
 from copose.report.look import LOOK
 from copose.report.numbers import six, three
@@ -17,10 +17,6 @@ from copose.report.words import (
     objective_unit,
 )
 from copose.results import Motion
-
-_SMALL = "font-size: 0.8em; line-height: 1.35; padding: 0 0.8em"
-_SHOWN = "the motion is shown; drag the arrows, and the arms hold the object where it is put"
-_STALE = "the problem is another by now: the motion is to be planned anew"
 
 
 def motion_headline(path: PathMotion) -> str:
@@ -37,8 +33,10 @@ def motion_headline(path: PathMotion) -> str:
         ]
     words, colour = path.message, LOOK.over
     if not words and path.stale:
-        words, colour = _STALE, LOOK.arms[2]
-    return _table(title, rows, words, colour, "copose-path")
+        words = "the problem is another by now: the motion is to be planned anew"
+        colour = LOOK.arms[2]
+    below = message(words, colour, "copose-path") if words else ""
+    return titled_table(title, rows, below, "copose-path")
 
 
 def instant_headline(path: PathMotion) -> str:
@@ -53,7 +51,8 @@ def instant_headline(path: PathMotion) -> str:
         ("gain", escape(_gain(motion, tracked, value))),
     ]
     title = _title(motion, "", f" at {path.time:.2f} s of the path")
-    return _table(title, rows, _SHOWN, LOOK.arms[0], "copose")
+    words = "the motion is shown; drag the arrows, and the arms hold the object where it is put"
+    return titled_table(title, rows, message(words, LOOK.arms[0], "copose"), "copose")
 
 
 def instant(path: PathMotion) -> str:
@@ -65,13 +64,13 @@ def instant(path: PathMotion) -> str:
     name = objective_name(course.motion)
     value = three(course.value(path.time))
     return (
-        f"{cursor_style(share)}<div style='{_SMALL}' id='copose-instant'>at {path.time:.2f} s of "
+        f"{cursor_style(share)}<div style='{SMALL}' id='copose-instant'>at {path.time:.2f} s of "
         f"{course.duration:.3g} s: {escape(name)} <b>{value}</b></div>"
     )
 
 
 def _tracking(motion: Motion) -> str:
-    """What tracking without planning comes to."""
+    """The aggregate of least-norm tracking, or its failure."""
     tracking = motion.least_norm
     if tracking is not None and tracking.reason is not None:
         return f"fails {failure_words(motion)}"
@@ -79,6 +78,7 @@ def _tracking(motion: Motion) -> str:
 
 
 def _gain(motion: Motion, before: float | None, after: float | None) -> str:
+    """The gain from one value to another, with the quantity that it is of."""
     gained = gain_between(motion, before, after)
     return f"{gain_word(motion)} {gained}" if gained else "–"
 
@@ -87,17 +87,3 @@ def _title(motion: Motion, before: str, after: str) -> str:
     """The objective's name and unit, with words around the name."""
     name = f"{before}{objective_name(motion)}{after}"
     return ", ".join(filter(None, (name, objective_unit(motion))))
-
-
-def _table(title: str, rows: Sequence[tuple[str, str]], words: str, colour: str, key: str) -> str:
-    """Numbers under a title, and a line of words in colour below, if there are any."""
-    cells = "".join(
-        f'<tr><td style="padding-right: 1em">{name}</td>'
-        f'<td id="{key}-{name.split()[-1]}">{value}</td></tr>'
-        for name, value in rows
-    )
-    told = f'<div id="{key}-message" style="color: {colour}">{escape(words)}</div>'
-    return (
-        f'<div style="{_SMALL}"><div style="font-size: 1.1em"><b>{escape(title)}</b></div>'
-        f"<table>{cells}</table>{told if words else ''}</div>"
-    )

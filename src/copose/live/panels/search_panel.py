@@ -9,18 +9,15 @@ from typing import Any, Protocol
 import viser
 
 from copose.live.panels.controls import Controls, see
-from copose.live.state import Aim
+from copose.live.state import SearchAim
 from copose.report.numbers import six
 from copose.results import Optimum
 
-# Buttons for local optima.
-_OPTIMA = 8
-
 
 class SearchActs(Protocol):
-    """What is done for this part; each returns at once."""
+    """Actions of this part; each returns at once."""
 
-    def search(self, aim: Aim) -> None:
+    def search(self, aim: SearchAim) -> None:
         """Search everything."""
 
     def choose(self, optimum: Optimum) -> None:
@@ -30,43 +27,48 @@ class SearchActs(Protocol):
 class SearchPanel:
     """The controls of a search, and a button for each of the best optima."""
 
-    def __init__(self, controls: Controls, seed: int, acts: SearchActs) -> None:
+    def __init__(
+        self, controls: Controls, seed: int, acts: SearchActs, *, buttons: int = 8
+    ) -> None:
         """Build the controls.
 
         Args:
-            controls: where.
-            seed: of the problem.
-            acts: what is done.
+            controls: the panel's controls.
+            seed: the problem's.
+            acts: the actions.
+            buttons: local optima that are listed at most.
         """
         self._controls, self._acts = controls, acts
         self._shown: Sequence[Optimum] = ()
-        self._add_search(seed)
+        self._add_search(seed, buttons)
 
     def show(self, optima: Sequence[Optimum]) -> None:
         """List local optima, the best first."""
         self._shown = optima
         for k, button in enumerate(self._buttons):
             if k < len(optima):
-                each = optima[k]
-                button.label = f"{k + 1}: {six(each.objective)}, met ×{each.count}"
+                optimum = optima[k]
+                button.label = f"{k + 1}: {six(optimum.objective)}, met ×{optimum.count}"
             see(button, k < len(optima))
 
-    def _add_search(self, begin: int) -> None:
+    def _add_search(self, begin: int, buttons: int) -> None:
+        """Add effort, seed and the button that searches."""
         gui = self._controls.gui
         effort: Any = gui.add_dropdown("effort", ("low", "normal", "high"), initial_value="normal")
         seed = gui.add_number("seed", begin, min=0, step=1)
         verify = gui.add_checkbox("verify", False, hint="again, another seed, twice the effort")
         button = gui.add_button("Search", icon=viser.Icon.SEARCH)
         gui.add_markdown("Local optima; click one and the arms go there:")
-        self._buttons = [gui.add_button("", visible=False) for _ in range(_OPTIMA)]
+        self._buttons = [gui.add_button("", visible=False) for _ in range(buttons)]
 
         def search() -> None:
-            self._acts.search(Aim(effort.value, int(seed.value), verify.value))
+            self._acts.search(SearchAim(effort.value, int(seed.value), verify.value))
 
         self._controls.clicked(button, search)
-        for k, each in enumerate(self._buttons):
-            self._controls.clicked(each, partial(self._choose, k))
+        for k, optimum in enumerate(self._buttons):
+            self._controls.clicked(optimum, partial(self._choose, k))
 
     def _choose(self, k: int) -> None:
+        """Go to a listed optimum."""
         if k < len(self._shown):
             self._acts.choose(self._shown[k])

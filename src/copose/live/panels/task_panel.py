@@ -12,12 +12,9 @@ from copose.live.panels import objectives as aims
 from copose.live.panels.controls import Controls, put, see
 from copose.problem import Problem
 
-# The least mass that can be typed, kg.
-_LIGHTEST = 1e-6
-
 
 class TaskActs(Protocol):
-    """What is done for this part; each returns at once."""
+    """Actions of this part; each returns at once."""
 
     def set(self, changes: Mapping[str, Any]) -> None:
         """Change settings."""
@@ -44,10 +41,10 @@ class TaskPanel:
         """Build the controls.
 
         Args:
-            controls: where.
-            problem: that the page opens with.
-            kinds: objectives that it can have.
-            acts: what is done.
+            controls: the panel's controls.
+            problem: the problem that the page opens with.
+            kinds: kinds of objectives that it can have.
+            acts: the actions.
         """
         self._controls, self._gui, self._acts = controls, controls.gui, acts
         self._opened = self._problem = problem
@@ -56,7 +53,7 @@ class TaskPanel:
         self._add_constraints(problem)
 
     def show(self, problem: Problem) -> None:
-        """Let the controls say what the problem says."""
+        """Set the controls to the values of a problem."""
         self._problem = problem
         put(self._kind, problem.objective.kind)
         put(self._resolution, problem.ellipsoid.resolution)
@@ -65,7 +62,7 @@ class TaskPanel:
         put(self._gravity, problem.ellipsoid.gravity)
         put(self._mass, problem.object.mass)
         put(self._collision, problem.constraints.collision)
-        directed = problem.objective.kind in aims.DIRECTED
+        directed = aims.directed(problem.objective.kind)
         for control in vars(self._direction).values():
             see(control, directed)
         if problem.space.planar:
@@ -79,6 +76,7 @@ class TaskPanel:
             put(self._direction.elevation, round(elevation))
 
     def _add_aim(self, problem: Problem, kinds: Sequence[str]) -> None:
+        """Add the objective, its direction, and the ellipsoid."""
         gui, acts = self._gui, self._acts
         self._kind = gui.add_dropdown(
             "objective", list(kinds), initial_value=problem.objective.kind,
@@ -107,6 +105,7 @@ class TaskPanel:
             )
 
     def _add_direction(self, problem: Problem) -> None:
+        """Add the direction's part and angles."""
         gui = self._gui
         along = aims.direction_of(problem)
         known = along is not None and len(along) == len(self._names)
@@ -115,7 +114,7 @@ class TaskPanel:
         linear = any(name in "xyz" for name in self._names)
         angular = any(name not in "xyz" for name in self._names)
         parts = ["linear"] * linear + ["angular"] * angular
-        shown = problem.objective.kind in aims.DIRECTED
+        shown = aims.directed(problem.objective.kind)
         self._direction = _Direction(
             part=gui.add_dropdown(
                 "direction", parts, initial_value=part if part in parts else parts[0], visible=shown
@@ -147,9 +146,10 @@ class TaskPanel:
             self._controls.when(control, point)
 
     def _add_constraints(self, problem: Problem) -> None:
+        """Add mass and collision."""
         gui, acts = self._gui, self._acts
         self._mass = gui.add_number(
-            "object, kg", problem.object.mass, min=min(_LIGHTEST, problem.object.mass), step=0.1,
+            "object, kg", problem.object.mass, min=min(1e-6, problem.object.mass), step=0.1,
             hint="mass; the inertia stays as it is",
         )  # fmt: skip
         self._controls.when(self._mass, self._weigh)
@@ -161,14 +161,14 @@ class TaskPanel:
         )
 
     def _weigh(self) -> None:
-        # Who types 0.5 has typed 0 before: to refuse that would take it away from them.
+        """Change the mass, but to 0, which is typed on the way to 0.5."""
         if self._mass.value > 0:
             self._acts.steer({"object.mass": float(self._mass.value)})
 
     def _chosen(
         self, label: str, key: str, options: tuple[str, ...], value: str
     ) -> viser.GuiDropdownHandle[str]:
-        """A list of what a key may be."""
+        """A list of the values that a key may have."""
         control = self._gui.add_dropdown(label, options, initial_value=value)
         self._controls.when(control, lambda: self._acts.set({key: control.value}))
         return control

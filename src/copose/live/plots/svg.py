@@ -1,4 +1,4 @@
-"""Pieces of drawings in SVG, legible on light and on dark ground."""
+"""Parts of drawings in SVG that are legible on light and on dark ground."""
 
 from __future__ import annotations
 
@@ -11,29 +11,35 @@ import numpy as np
 
 from copose.poses import Array
 
-# Colours that stand out on white and on black.
-CURVE = "#2F8FD0"
-PRESENT = "#E8590C"
-BEST = "#E0A100"
-TOUCHING = "#D03030"
-OTHERS = ("#1FA37A", "#C76BA0", "#8C8C2E", "#7A6FD0", "#B0703C", "#5AA9C8")
-# Sizes of letters, px.
-LETTERS = 11
-SMALL = 9.5
-# About the width of a letter, of its size.
-_WIDE = 0.56
-# Radius of a star's inner corners, of its outer ones'.
-_INNER = 0.42
-# Roundings of the distance between ticks.
-_ROUND = (1.0, 2.0, 2.5, 5.0, 10.0)
+
+@dataclass(frozen=True)
+class PlotLook:
+    """Colours of all drawings, which stand out on white and on black, and sizes of letters."""
+
+    curve: str = "#2F8FD0"
+    present: str = "#E8590C"  # where the arms are
+    best: str = "#E0A100"  # where the objective is best
+    touching: str = "#D03030"  # limits, and what touches
+    others: tuple[str, ...] = (  # further curves
+        "#1FA37A", "#C76BA0", "#8C8C2E", "#7A6FD0", "#B0703C", "#5AA9C8",
+    )  # fmt: skip
+    letters: int = 11  # size of titles, px
+    small: float = 9.5  # size of all other letters, px
+    letter: float = 0.56  # width of a letter, about, of its size
+
+
+PLOT = PlotLook()
 
 
 @dataclass(frozen=True)
-class Frame:
+class PlotFrame:
     """A rectangle that numbers are drawn in.
 
     Attributes:
-        left: of it, px; ``top``, ``width`` and ``height`` alike.
+        left: its left edge, px.
+        top: its upper edge, px.
+        width: px.
+        height: px.
         x: numbers at its left and right edge.
         y: numbers at its lower and upper edge.
     """
@@ -83,7 +89,7 @@ def drawing(width: float, height: float, parts: Sequence[str], name: str) -> str
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" '
         f'width="100%" style="max-width:{width:g}px;display:block" role="img" '
         f'aria-label="{escape(name, quote=True)}" font-family="system-ui,sans-serif" '
-        f'font-size="{SMALL:g}" fill="currentColor">{"".join(parts)}</svg>'
+        f'font-size="{PLOT.small:g}" fill="currentColor">{"".join(parts)}</svg>'
     )
 
 
@@ -97,9 +103,9 @@ def upright(x: float, y: float, what: str, anchor: str = "start", more: str = ""
     return text(x, y, what, anchor, f'transform="rotate(-90 {x:.1f} {y:.1f})" {more}')
 
 
-def width_of(what: str, size: float = SMALL) -> float:
-    """About how wide a line of letters is, px."""
-    return _WIDE * size * len(what)
+def width_of(what: str, size: float = PLOT.small) -> float:
+    """The width of a line of letters, about, px."""
+    return PLOT.letter * size * len(what)
 
 
 def number(value: float, step: float = 0.0) -> str:
@@ -112,27 +118,28 @@ def number(value: float, step: float = 0.0) -> str:
 
 
 def ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
-    """Round numbers from one to another, and how they are written."""
+    """Round numbers between two, at most so many, each with its words."""
     rough = (high - low) / max(1, most)
     if not rough > 0:
         return [(low, number(low))]
     power = 10.0 ** math.floor(math.log10(rough))
-    step = power * next(each for each in _ROUND if each * power >= rough * (1 - 1e-9))
+    round_steps = (1.0, 2.0, 2.5, 5.0, 10.0)
+    step = power * next(k for k in round_steps if k * power >= rough * (1 - 1e-9))
     places = np.arange(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1) * step
     return [(float(x), number(float(x) + 0.0, step)) for x in places]
 
 
 def dot(x: float, y: float, radius: float = 4.5) -> str:
-    """Where the arms are."""
-    return (f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}" fill="{PRESENT}" '
+    """A dot where the arms are."""
+    return (f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}" fill="{PLOT.present}" '
             f'stroke="#fff" stroke-width="1.3"/>')  # fmt: skip
 
 
-def star(x: float, y: float, radius: float = 6.0, colour: str = BEST) -> str:
-    """Where it is best."""
+def star(x: float, y: float, radius: float = 6.0, colour: str = PLOT.best) -> str:
+    """A star where the objective is best."""
     corners = []
     for k in range(10):
-        r = radius * (1.0 if k % 2 == 0 else _INNER)
+        r = radius * (1.0 if k % 2 == 0 else 0.42)
         turn = math.pi * k / 5
         corners.append(f"{x + r * math.sin(turn):.1f},{y - r * math.cos(turn):.1f}")
     return (f'<polygon points="{" ".join(corners)}" fill="{colour}" stroke="#fff" '
@@ -142,7 +149,7 @@ def star(x: float, y: float, radius: float = 6.0, colour: str = BEST) -> str:
 def legend(
     x: float, y: float, now: float | None, best: float | None, unit: str, rough: bool
 ) -> str:
-    """A line that says what a dot and a star are worth."""
+    """A line with the values at a dot and at a star."""
     unit = "" if unit in ("", "1", "log") else f" {unit}"
     parts = []
     for mark, name, value in ((dot, "now", now), (star, "best", best)):
@@ -150,8 +157,8 @@ def legend(
             continue
         about = "≈ " if rough else ""
         said = f"{name} {about}{number(value)}{unit}"
-        parts += [mark(x + 5, y - 4), text(x + 14, y, said, more=f'font-size="{LETTERS}"')]
-        x += 14 + width_of(said, LETTERS) + 12
+        parts += [mark(x + 5, y - 4), text(x + 14, y, said, more=f'font-size="{PLOT.letters}"')]
+        x += 14 + width_of(said, PLOT.letters) + 12
     return "".join(parts)
 
 

@@ -1,4 +1,4 @@
-"""The problem on the page: what was opened with what was changed since."""
+"""The problem on the page: the opened one with changes."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Document:
     """A problem as it was opened.
 
     Attributes:
-        whole: as read.
-        case: the case whose task is shown, of several; empty where the file has none.
+        whole: the problem as it was read.
+        case: the case that is shown, of several; empty where the file has none.
     """
 
     whole: Problem
@@ -40,7 +40,7 @@ class Document:
 
     def problem(self, changes: Changes) -> Problem:
         """The problem with changes, as it would be saved: of several cases the one that is shown,
-        and nothing but joints free.
+        and with nothing free but joints.
 
         Raises:
             InputError: changes that no problem has.
@@ -49,6 +49,7 @@ class Document:
 
     @cached_property
     def _tables(self) -> Mapping[str, Any]:
+        """The tables of the case that is shown."""
         return tables_of(held(self.whole, self.case))
 
 

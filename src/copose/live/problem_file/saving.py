@@ -1,4 +1,4 @@
-"""A problem as it was changed, saved as a problem file that says the same."""
+"""Saving a changed problem as a problem file."""
 
 from __future__ import annotations
 
@@ -14,12 +14,9 @@ from copose.loader import parse, taught
 from copose.problem import Problem, read_text, tables_in
 from copose.results import write_file
 
-# Keys of an arm that name its robot's file.
-_FILES = ("urdf", "mjcf")
-
 
 def problem_text(problem: Problem) -> str:
-    """A problem as TOML: the text of its file with what differs, else all that it says.
+    """A problem as TOML: the text of its file with the values that differ, or without a file all.
 
     Raises:
         InputError: tomlkit is missing.
@@ -33,20 +30,20 @@ def problem_text(problem: Problem) -> str:
     except InputError:
         # The file is gone, or is another one by now.
         return text_of(tables_of(problem))
-    for begin in (tables, taught(tables, problem.source)):
-        wanted = grafted(begin, read, problem)
+    for start in (tables, taught(tables, problem.source)):
+        wanted = grafted(start, read, problem)
         if _parsed(wanted, problem.source) == problem:
             return text_with(text, wanted)
     return text_of(tables_of(problem))
 
 
 def save_problem(problem: Problem, target: Path, *, overwrite: bool = False) -> Problem:
-    """Write a problem as a file: that of its source with what differs, else all that it says.
+    """Write a problem as a file: its source with the values that differ, or without one all.
 
     Relative paths of robots and packages are written anew where the folder is another.
 
     Args:
-        problem: as read and changed since.
+        problem: the changed problem.
         target: the file to write.
         overwrite: whether a file that is there, the problem's source too, is replaced.
 
@@ -67,6 +64,7 @@ def save_problem(problem: Problem, target: Path, *, overwrite: bool = False) -> 
 
 
 def _parsed(tables: Mapping[str, Any], source: Path | None) -> Problem | None:
+    """The problem of some tables; None where it is wrong."""
     try:
         return parse(tables, source)
     except InputError:
@@ -74,6 +72,7 @@ def _parsed(tables: Mapping[str, Any], source: Path | None) -> Problem | None:
 
 
 def _check_place(target: Path, overwrite: bool) -> None:
+    """Refuse a folder, and a file that is there unless it may be overwritten."""
     try:
         if target.is_dir():
             raise InputError("is a folder; a file was expected", file=target)
@@ -86,14 +85,14 @@ def _check_place(target: Path, overwrite: bool) -> None:
 
 
 def _with_paths_from(tables: dict[str, Any], old: Path, new: Path) -> dict[str, Any]:
-    """The same tables, their relative paths from another folder on."""
+    """The same tables, with relative paths from another folder."""
     if old.resolve() == new.resolve() or not isinstance(tables.get("arms"), list):
         return tables
     arms = []
     for arm in tables["arms"]:
         if not isinstance(arm, dict):
             return tables
-        paths = {key: _path_from(arm[key], old, new) for key in _FILES if key in arm}
+        paths = {key: _path_from(arm[key], old, new) for key in ("urdf", "mjcf") if key in arm}
         if isinstance(arm.get("packages"), dict):
             named = arm["packages"].items()
             paths["packages"] = {name: _path_from(path, old, new) for name, path in named}

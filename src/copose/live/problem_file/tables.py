@@ -1,4 +1,4 @@
-"""A problem's tables as a file has them: from the problem itself, or as another differs from it."""
+"""The tables of a problem as its file has them, or as another file would have them."""
 
 from __future__ import annotations
 
@@ -9,29 +9,24 @@ from pydantic import BaseModel
 
 from copose.problem import Problem
 
-# Keys of a table that are written even where they are what leaving them out means.
-_ALWAYS = ("kind",)
-# Keys that a file may have in the place of others.
-_WRITTEN = {"rpy": "quaternion"}
-
 
 def tables_of(problem: Problem) -> dict[str, Any]:
-    """All that a problem says, without what leaving it out means.
+    """All values of a problem but those that are the default.
 
-    `copose.parse` makes the same problem of it.
+    `copose.parse` makes the same problem of them.
     """
     return _dumped(problem)
 
 
 def grafted(tables: Mapping[str, Any], old: BaseModel, new: BaseModel) -> dict[str, Any]:
-    """A file's tables with what another problem has instead; what equals stays as written.
+    """A file's tables with the values of another problem; values that are equal stay as written.
 
     Args:
-        tables: the file's, or a table of it.
-        old: what was read from them.
-        new: what is to be read from the result.
+        tables: the file's tables, or one of them.
+        old: the model that was read from them.
+        new: the model that is to be read from the result.
     """
-    found = dict(tables)
+    merged = dict(tables)
     whole = _dumped(new)
     if type(old) is not type(new):
         return whole
@@ -39,16 +34,18 @@ def grafted(tables: Mapping[str, Any], old: BaseModel, new: BaseModel) -> dict[s
         before, after = getattr(old, key), getattr(new, key)
         if before == after:
             continue
-        # What was written in its place has been read as this.
-        found.pop(_WRITTEN.get(key, ""), None)
+        if key == "rpy":
+            # A file may have a quaternion in its place.
+            merged.pop("quaternion", None)
         if key not in whole:
-            found.pop(key, None)
+            merged.pop(key, None)
         else:
-            found[key] = _grafted_value(found.get(key), before, after, whole[key])
-    return found
+            merged[key] = _grafted_value(merged.get(key), before, after, whole[key])
+    return merged
 
 
 def _grafted_value(written: Any, before: Any, after: Any, whole: Any) -> Any:
+    """A value as it was written where it is equal, else the new one."""
     if isinstance(before, BaseModel) and isinstance(after, BaseModel):
         return grafted(written, before, after) if isinstance(written, Mapping) else whole
     tables = isinstance(written, list) and isinstance(before, tuple) and isinstance(after, tuple)
@@ -58,18 +55,20 @@ def _grafted_value(written: Any, before: Any, after: Any, whole: Any) -> Any:
 
 
 def _dumped(model: BaseModel) -> dict[str, Any]:
-    found = {}
+    """The values of a model but those that are the default; its kind always."""
+    dumped = {}
     for key, field in type(model).model_fields.items():
         value = getattr(model, key)
         if value is None:
             continue
-        if key not in _ALWAYS and value == field.get_default(call_default_factory=True):
+        if key != "kind" and value == field.get_default(call_default_factory=True):
             continue
-        found[key] = _value(value)
-    return found
+        dumped[key] = _value(value)
+    return dumped
 
 
 def _value(value: Any) -> Any:
+    """A value of the types that a TOML reader makes."""
     if isinstance(value, BaseModel):
         return _dumped(value)
     if isinstance(value, (list, tuple)):

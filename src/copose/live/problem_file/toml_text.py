@@ -1,6 +1,6 @@
 """The text of a TOML file with other values; its comments, order and formatting stay.
 
-The text is held against the tables that it is to have: what equals stays byte for byte.
+A text is compared with the tables that it is to have: values that are equal stay byte for byte.
 """
 
 from __future__ import annotations
@@ -18,36 +18,31 @@ if TYPE_CHECKING:
     # Where a key is new: what is printed of the table, the key and its value.
     _Added: TypeAlias = tuple[Container, str, Item]
 
-_MISSING = "tomlkit is missing, which saving needs: pip install 'copose[live]'"
-
 
 def text_with(text: str, tables: Mapping[str, Any]) -> str:
-    """A TOML text with as much of another as these tables leave of it.
+    """A TOML text with other values.
 
-    Values that equal stay as they are written. A key that is new stands behind the last of its
-    table, a table that is new at the end; below the top they are written in line.
+    Values that are equal stay as they are written. New keys stand behind the last one of their
+    table, new tables at the end; below the top level they are written in line.
 
     Args:
-        text: TOML.
-        tables: all that the new text is to hold, of the kinds that a TOML reader makes.
+        text: the old text.
+        tables: all values of the new text, of the types that a TOML reader makes.
 
     Raises:
         InputError: tomlkit is not installed.
     """
-    try:
-        import tomlkit
-    except ImportError:
-        raise InputError(_MISSING) from None
+    tomlkit = _tomlkit()
     if _same(tomllib.loads(text), tables):
         return text
     # A last line without an end would run into what is added.
     document = tomlkit.parse(text if text.endswith("\n") else text + "\n")
     added: list[_Added] = []
     _merge(document, tables, added)
-    for each in added:
-        _put(each)
-    found = tomlkit.dumps(document)
-    return found if _holds(found, tables) else text_of(tables)
+    for entry in added:
+        _put(entry)
+    new: str = tomlkit.dumps(document)
+    return new if _holds(new, tables) else text_of(tables)
 
 
 def text_of(tables: Mapping[str, Any]) -> str:
@@ -56,14 +51,26 @@ def text_of(tables: Mapping[str, Any]) -> str:
     Raises:
         InputError: tomlkit is not installed.
     """
-    try:
-        import tomlkit
-    except ImportError:
-        raise InputError(_MISSING) from None
+    tomlkit = _tomlkit()
     document = tomlkit.document()
     for key in sorted(tables, key=lambda key: _is_section(tables[key])):
         document.append(key, _section(tables[key]))
-    return tomlkit.dumps(document)
+    text: str = tomlkit.dumps(document)
+    return text
+
+
+def _tomlkit() -> Any:
+    """The package tomlkit.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        import tomlkit
+    except ImportError:
+        line = "tomlkit is missing, which saving needs: pip install 'copose[live]'"
+        raise InputError(line) from None
+    return tomlkit
 
 
 def _same(one: Any, other: Any) -> bool:
@@ -76,7 +83,7 @@ def _same(one: Any, other: Any) -> bool:
 
 
 def _holds(text: str, wanted: Mapping[str, Any]) -> bool:
-    """Whether a text was written right: what tomlkit makes of odd files is read back."""
+    """Whether a text has the wanted values: tomlkit can go wrong with odd files."""
     try:
         return _same(tomllib.loads(text), wanted)
     except ValueError:
@@ -84,7 +91,7 @@ def _holds(text: str, wanted: Mapping[str, Any]) -> bool:
 
 
 def _merge(node: MutableMapping[str, Any], wanted: Mapping[str, Any], added: list[_Added]) -> None:
-    """Make a table of the document hold what is wanted; what is new in it is listed."""
+    """Make a table of the document hold the wanted values; new keys are only listed."""
     from tomlkit import TOMLDocument
     from tomlkit.container import OutOfOrderTableProxy
     from tomlkit.items import Table
@@ -110,7 +117,7 @@ def _merge(node: MutableMapping[str, Any], wanted: Mapping[str, Any], added: lis
 
 
 def _merge_value(old: Any, value: Any, added: list[_Added]) -> bool:
-    """Make a table or an array hold another of its kind; or say that it is none."""
+    """Make a table or an array hold another's values; False where it cannot."""
     from tomlkit.items import AoT, InlineTable
 
     if isinstance(old, MutableMapping) and isinstance(value, Mapping):
@@ -152,21 +159,21 @@ def _headed(node: object) -> list[Table]:
     """The tables with headers below a table that has none of its own."""
     from tomlkit.items import AoT, Table
 
-    found: list[Table] = []
+    tables: list[Table] = []
     if isinstance(node, Table) and node.is_super_table():
         for key, item in node.value.body:
             if isinstance(item, AoT):
-                found += item.body
+                tables += item.body
             elif isinstance(item, Table) and key is not None and not key.is_dotted():
-                found.append(item)
-    return found
+                tables.append(item)
+    return tables
 
 
 def _put(added: _Added) -> None:
     """Write a new key behind the last one of its table, before blank lines and comments.
 
-    These belong to what follows, most often the next table. Only what is printed is put in order:
-    the document is not to be searched after that.
+    These belong to the lines that follow, most often to the next table. Only the printed lines are
+    put in order: the document cannot be searched after that.
     """
     import tomlkit
     from tomlkit.items import AoT, Table
@@ -182,7 +189,7 @@ def _put(added: _Added) -> None:
 
 
 def _behind(before: Table | None, value: Mapping[str, Any]) -> Table:
-    """A new table with a header; what follows the table before it follows it."""
+    """A new table with a header, which takes over the lines that follow the table before it."""
     import tomlkit
 
     table, tail = _table(value), []
@@ -218,6 +225,7 @@ def _section(value: Any) -> Item:
 
 
 def _table(value: Mapping[str, Any]) -> Table:
+    """A table with a header."""
     import tomlkit
 
     table = tomlkit.table()
@@ -227,7 +235,7 @@ def _table(value: Mapping[str, Any]) -> Table:
 
 
 def _inline(value: Any) -> Item:
-    """A value as one line, but arrays of several tables as one line each."""
+    """A value in one line; of several tables each in a line of its own."""
     import tomlkit
     from tomlkit.items import Array
 
@@ -238,6 +246,7 @@ def _inline(value: Any) -> Item:
 
 
 def _written(value: Any) -> str:
+    """A value as text."""
     import tomlkit
 
     if isinstance(value, Mapping):

@@ -15,19 +15,17 @@ from copose.motion.path.object_motion import waypoint_poses
 from copose.poses import Pose
 from copose.problem import Problem, RobotArm, placement
 
-# Length of the arrows of the object's gizmo, as a share of the scene.
-_OBJECT = 0.16
-# Of the others', alike.
-_OTHER = 0.1
-# What a hand that turns nothing, or shifts nothing, changes of it, rad or m.
-_STILL = 1e-6
-# What is written over the object's gizmo until it has been dragged once.
-_HINT = "drag an arrow or an arc"
-# Where, as a share of the gizmo's length.
-_OVER = 1.15
-
 Dragged: TypeAlias = Callable[["Gizmo", Pose, str], object]
 """Called with the gizmo, its pose in the world, and the phase: start, update or end."""
+
+
+@dataclass(frozen=True)
+class GizmoLook:
+    """Sizes of gizmos."""
+
+    object: float = 0.16  # length of the arrows at the object, as a share of the scene
+    other: float = 0.1  # length of all other arrows, alike
+    hint: float = 1.15  # height of the hint over the object, as a share of its arrows
 
 
 @dataclass(frozen=True)
@@ -49,22 +47,22 @@ class Gizmo:
 
     def pose(self, problem: Problem) -> Pose:
         """Its pose in the world."""
-        here = problem.object.pose
+        center = problem.object.pose
         if self.kind == "object":
-            return here
+            return center
         if self.kind == "waypoint":
             return waypoint_poses(problem)[int(self.name)]
         if self.kind == "obstacle":
-            return next(each.pose for each in problem.obstacles if each.name == self.name)
-        arm: Any = next(each for each in problem.arms if each.name == self.name)
+            return next(o.pose for o in problem.obstacles if o.name == self.name)
+        arm: Any = next(arm for arm in problem.arms if arm.name == self.name)
         base: Pose = arm.base.pose
-        return base if self.kind == "base" else here @ arm.grasp.pose
+        return base if self.kind == "base" else center @ arm.grasp.pose
 
     def placed(self, problem: Problem, given: Mapping[str, object]) -> Pose:
-        """A pose in the world by what a place says; what that leaves out is as it is.
+        """A pose in the world by the keys of a place; those that it leaves out stay.
 
         Args:
-            problem: what is shown.
+            problem: the problem that is shown.
             given: ``position`` and ``rpy`` or ``quaternion``, in the plane ``angle``.
 
         Raises:
@@ -74,7 +72,7 @@ class Gizmo:
             "object": ("",),
             "base": tuple(arm.name for arm in problem.arms),
             "grasp": tuple(arm.name for arm in problem.arms),
-            "obstacle": tuple(each.name for each in problem.obstacles),
+            "obstacle": tuple(obstacle.name for obstacle in problem.obstacles),
         }
         if problem.path is not None:
             names["waypoint"] = _waypoints(problem)
@@ -109,7 +107,8 @@ class Gizmo:
         return {
             f"path.waypoints.{self.name}.{what}": value
             for what, value in place(pose, planar=planar).items()
-            if not np.allclose(value, before[what], 0, _STILL)
+            # A drag that turns nothing, or shifts nothing, leaves numbers to 1e-6 rad or m.
+            if not np.allclose(value, before[what], 0, 1e-6)
         }
 
 
@@ -122,8 +121,8 @@ def _waypoints(problem: Problem) -> tuple[str, ...]:
 def robot_mates(problem: Problem, name: str) -> tuple[str, ...]:
     """The arms that are parts of one robot with an arm, itself among them: one file at one base."""
     arms = {arm.name: arm for arm in problem.arms}
-    mine = arms[name]
-    if not isinstance(mine, RobotArm):
+    named = arms[name]
+    if not isinstance(named, RobotArm):
         return (name,)
 
     def robot(arm: RobotArm) -> tuple[object, ...]:
@@ -132,7 +131,7 @@ def robot_mates(problem: Problem, name: str) -> tuple[str, ...]:
     return tuple(
         other
         for other, arm in arms.items()
-        if isinstance(arm, RobotArm) and robot(arm) == robot(mine)
+        if isinstance(arm, RobotArm) and robot(arm) == robot(named)
     )
 
 
@@ -140,32 +139,34 @@ class Gizmos:
     """The gizmos of a page."""
 
     def __init__(
-        self, scene: viser.SceneApi, problem: Problem, dragged: Dragged, size: float
-    ) -> None:
-        """Add them; only the object's is seen.
+        self, scene: viser.SceneApi, problem: Problem, dragged: Dragged, size: float,
+        look: GizmoLook = GizmoLook(),
+    ) -> None:  # fmt: skip
+        """Add all gizmos; only the object's is seen.
 
         Args:
-            scene: where.
-            problem: that the page opens with.
-            dragged: is told, on the page's thread and in order.
-            size: of what is drawn, m.
+            scene: the scene.
+            problem: the problem that the page opens with.
+            dragged: function that is told of drags, on the page's thread and in order.
+            size: size of the scene, m.
+            look: sizes.
         """
-        self._planar, self._size = problem.space.planar, size
+        self._planar, self._size, self._look = problem.space.planar, size, look
         self._active: Gizmo | None = None
         self._handles: dict[Gizmo, viser.TransformControlsHandle] = {}
-        every = [Gizmo("object")]
+        gizmos = [Gizmo("object")]
         names = [arm.name for arm in problem.arms]
-        every += [Gizmo("base", name) for name in names if robot_mates(problem, name)[0] == name]
-        every += [Gizmo("grasp", name) for name in names]
-        every += [Gizmo("obstacle", each.name) for each in problem.obstacles]
-        every += [Gizmo("waypoint", number) for number in _waypoints(problem)]
-        for each in every:
-            self._handles[each] = self._added(scene, each, problem, dragged)
+        gizmos += [Gizmo("base", name) for name in names if robot_mates(problem, name)[0] == name]
+        gizmos += [Gizmo("grasp", name) for name in names]
+        gizmos += [Gizmo("obstacle", each.name) for each in problem.obstacles]
+        gizmos += [Gizmo("waypoint", number) for number in _waypoints(problem)]
+        for gizmo in gizmos:
+            self._handles[gizmo] = self._added(scene, gizmo, problem, dragged)
         along = [0.0, 1.0, 0.0] if self._planar else [0.0, 0.0, 1.0]
         over = problem.object.pose.inverse().rotation @ along
         self._hint: viser.LabelHandle | None = scene.add_label(
-            f"{Gizmo('object').node}/hint", _HINT, position=_OVER * _OBJECT * size * over,
-            anchor="bottom-center",
+            f"{Gizmo('object').node}/hint", "drag an arrow or an arc",
+            position=look.hint * look.object * size * over, anchor="bottom-center",
         )  # fmt: skip
 
     def show(self, kind: str, visible: bool) -> None:
@@ -175,17 +176,17 @@ class Gizmos:
                 handle.visible = visible
 
     def place(self, problem: Problem) -> None:
-        """Put the gizmos where a problem has what they are at, but for the one in the hand."""
+        """Put the gizmos at the poses of a problem, but for the one that a hand holds."""
         for gizmo, handle in self._handles.items():
             if gizmo != self._active:
                 _move(handle, gizmo.pose(problem))
 
     def release(self) -> None:
-        """Take whatever is in a hand out of it: it has let go unseen, as a closed browser does."""
+        """Forget the gizmo that a hand holds: it let go unseen, as when its browser is closed."""
         self._active = None
 
     def drag(self, gizmo: Gizmo, pose: Pose, phase: str, dragged: Dragged) -> None:
-        """Do what a hand does with the mouse."""
+        """Move a gizmo as a hand does with the mouse."""
         if self._hint is not None:
             self._hint.remove()
             self._hint = None
@@ -195,10 +196,11 @@ class Gizmos:
     def _added(
         self, scene: viser.SceneApi, gizmo: Gizmo, problem: Problem, dragged: Dragged
     ) -> viser.TransformControlsHandle:
+        """The handle of a gizmo in the scene."""
         pose = gizmo.pose(problem)
         handle = scene.add_transform_controls(
             gizmo.node,
-            scale=self._size * (_OBJECT if gizmo.kind == "object" else _OTHER),
+            scale=self._size * (self._look.object if gizmo.kind == "object" else self._look.other),
             # In the plane two arrows and a turn about z.
             active_axes=(True, True, not self._planar),
             depth_test=False,
@@ -218,6 +220,7 @@ class Gizmos:
 
 
 def _move(handle: viser.TransformControlsHandle, pose: Pose) -> None:
+    """Put a handle at a pose; nothing is sent where it is there."""
     if tuple(handle.position) != tuple(pose.position):
         handle.position = pose.position
     if tuple(handle.wxyz) != tuple(pose.quaternion):

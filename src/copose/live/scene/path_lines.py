@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import viser
@@ -11,47 +12,52 @@ from copose.poses import Pose
 from copose.viewer.names import node
 from copose.viewer.nodes.colors import rgb
 
-# Colour of the line.
-_COLOUR = "#2F8FD0"
-# Its thickness, pixels.
-_LINE = 3.0
-# Length of a waypoint's axes, as a share of the scene.
-_AXIS = 0.07
-# Radius of them and of the ball between them, as shares of their length.
-_THICK = 0.05
-_BALL = 0.16
+
+@dataclass(frozen=True)
+class PathLook:
+    """Look of the path in the scene."""
+
+    colour: str = "#2F8FD0"
+    line: float = 3.0  # thickness of the line, pixels
+    axis: float = 0.07  # length of a waypoint's axes, as a share of the scene
+    thick: float = 0.05  # radius of the axes, as a share of their length
+    ball: float = 0.16  # radius of the ball between them, alike
 
 
 class PathDrawing:
     """The path of a page: nodes ``/path/line`` and ``/path/waypoints/1``, ``2`` and so on."""
 
-    def __init__(self, scene: viser.SceneApi, waypoints: Sequence[Pose], size: float) -> None:
+    def __init__(
+        self, scene: viser.SceneApi, waypoints: Sequence[Pose], size: float,
+        look: PathLook = PathLook(),
+    ) -> None:  # fmt: skip
         """Draw a path.
 
         Args:
-            scene: where.
+            scene: the scene.
             waypoints: of the object's centre of mass in the world.
-            size: of the scene, m.
+            size: size of the scene, m.
+            look: its look.
         """
         self._waypoints: list[Pose] = []
         self._top = scene.add_frame(node("path"), show_axes=False)
-        length = _AXIS * size
+        length = look.axis * size
         self._frames = [
             scene.add_frame(
                 node("path", "waypoints", str(k + 1)), axes_length=length,
-                axes_radius=_THICK * length, origin_radius=_BALL * length,
-                origin_color=rgb(_COLOUR),
+                axes_radius=look.thick * length, origin_radius=look.ball * length,
+                origin_color=rgb(look.colour),
             )
             for k in range(len(waypoints))
         ]  # fmt: skip
         self._line = scene.add_line_segments(
-            node("path", "line"), _segments(waypoints), rgb(_COLOUR), thickness=_LINE,
+            node("path", "line"), _segments(waypoints), rgb(look.colour), thickness=look.line,
             thickness_units="screen",
         )  # fmt: skip
         self.place(waypoints)
 
     def see(self, visible: bool) -> None:
-        """Show or hide it."""
+        """Show or hide the path."""
         self._top.visible = visible
 
     def place(self, waypoints: Sequence[Pose]) -> None:
@@ -66,6 +72,6 @@ class PathDrawing:
 
 
 def _segments(waypoints: Sequence[Pose]) -> np.ndarray:
-    """From each waypoint to the next, (n − 1, 2, 3)."""
+    """Segments from each waypoint to the next, (n − 1, 2, 3)."""
     points = np.array([pose.position for pose in waypoints], dtype=np.float32)
     return np.stack([points[:-1], points[1:]], axis=1)

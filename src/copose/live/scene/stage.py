@@ -1,4 +1,4 @@
-"""The scene of a page: what of a state is seen in it, and the gizmos by which it is dragged."""
+"""The scene of a page: a state of it is drawn, and gizmos drag its parts."""
 
 from __future__ import annotations
 
@@ -14,23 +14,13 @@ from copose.robots import load_arms
 from copose.viewer.looks import link_looks
 from copose.viewer.scene import CellScene
 
-# Parts of the scene that a hand may drag, by the panel's words.
-_DRAGGED = {
-    "drag bases": "base",
-    "drag grasps": "grasp",
-    "drag obstacles": "obstacle",
-    "drag waypoints": "waypoint",
-}
-# Size of a scene in which nothing holds the object, m.
-_SIZE = 1.0
 
-
-class Stage:
+class PageScene:
     """The scene and its gizmos.
 
     Attributes:
-        scene: of the cell.
-        gizmos: in it.
+        scene: the cell.
+        gizmos: the gizmos in it.
         exact: whether the exact set is asked for.
     """
 
@@ -38,9 +28,9 @@ class Stage:
         """Draw the state that a page opens with.
 
         Args:
-            server: of the page.
-            state: the first.
-            dragged: is told what hands drag.
+            server: the page's server.
+            state: the first state.
+            dragged: function that is told of drags.
 
         Raises:
             InputError: a robot cannot be read.
@@ -58,17 +48,21 @@ class Stage:
 
     @property
     def size(self) -> float:
-        """Of what is drawn, m."""
-        return self.scene.size or _SIZE
+        """The size of the scene, m; 1 where nothing holds the object."""
+        return self.scene.size or 1.0
 
     def look(self, posture: Posture, way: Sequence[Pose]) -> None:
-        """Let browsers begin with a posture, and the way of the object, in view."""
+        """Let browsers begin with a posture, and the object's path, in view."""
         self.scene.camera(posture, way).place(self._server.initial_camera)
 
     def see(self, what: str, visible: bool) -> None:
         """Show or hide a part, by the panel's words."""
-        if what in _DRAGGED:
-            self.gizmos.show(_DRAGGED[what], visible)
+        dragged = {
+            "drag bases": "base", "drag grasps": "grasp", "drag obstacles": "obstacle",
+            "drag waypoints": "waypoint",
+        }  # fmt: skip
+        if what in dragged:
+            self.gizmos.show(dragged[what], visible)
         elif what == "frames":
             self.scene.show_frames(visible)
         elif what == "start, as a ghost":
@@ -80,7 +74,7 @@ class Stage:
             self.scene.show_ellipsoids(self._seen["linear"], self._seen["angular"])
 
     def show(self, state: State) -> None:
-        """Show where the problem has everything but the arms and the object, and the start."""
+        """Show the start, and everything but the arms and the object."""
         if state.start is not self._start:
             self._start = state.start
             self.scene.show_before(state.start)
@@ -90,7 +84,7 @@ class Stage:
             self.scene.place_obstacle(obstacle.name, obstacle.pose)
 
     def show_posture(self, state: State) -> None:
-        """Show the arms in the posture, and the object where it is asked to be."""
+        """Show the arms in the posture, and the object at the problem's pose."""
         if state.posture is not None:
             self.scene.show(state.posture)
         self.scene.place_object(state.problem.object.pose)

@@ -111,7 +111,7 @@ class RouteFinder:
     ) -> None:
         """Evaluate the moves, and all combinations of one or two arms."""
         self.values, self._roadmaps, self._worth = values, tuple(roadmaps), worth
-        self._returns, self._seed, self._options = returns, seed, worth.options
+        self._returns, self._seed = returns, seed
         self._count = len(roadmaps[0].layers)
         self._every = tuple(range(len(roadmaps)))
         self._moves = [
@@ -195,7 +195,7 @@ class RouteFinder:
         least = self.least_interval()
         if not 0 < least < np.inf:
             return []
-        power = self._options.peaked
+        power = self._worth.options.peaked
         paces = [
             [Moves((layer.pace(speed) / least) ** power) for layer in roadmap.layers[1:]]
             for roadmap, speed in zip(self._roadmaps, self._worth.speeds, strict=True)
@@ -294,7 +294,7 @@ class RouteFinder:
         order = order[: int(np.isfinite(promise).sum())]
         tried: list[tuple[int, int]] = []
         routes: list[Route] = []
-        options = self._options
+        options = self._worth.options
         for apart in options.begin_apart:
             for number in order:
                 i, j = (int(x) for x in np.unravel_index(number, promise.shape))
@@ -335,7 +335,7 @@ class RouteFinder:
         routes = []
         rng = np.random.default_rng([self._seed, len(self._roadmaps), 7])
         single = [(i,) for i in self._every]
-        for number in range(self._options.drawn):
+        for number in range(self._worth.options.drawn):
             columns = []
             for i, roadmap in enumerate(self._roadmaps):
                 drawn = [rng.uniform(size=(len(layer.q), 1)) for layer in roadmap.layers]
@@ -350,7 +350,7 @@ class RouteFinder:
             route = self._swept(route, single)
             routes += [route] if np.isfinite(route.worth) else []
         routes.sort(key=lambda route: -route.worth)
-        double, best = list(itertools.combinations(self._every, 2)), self._options.polished
+        double, best = list(itertools.combinations(self._every, 2)), self._worth.options.polished
         return [self._swept(route, double) for route in routes[:best]] + routes[best:]
 
     @property
@@ -362,10 +362,10 @@ class RouteFinder:
 
     def _swept(self, route: Route, groups: Sequence[tuple[int, ...]]) -> Route:
         """A route improved by groups of arms, one after the other, until none gets better."""
-        since, most = 0, self._options.sweeps * len(groups)
+        since, most = 0, self._worth.options.sweeps * len(groups)
         for arms in itertools.islice(itertools.cycle(groups), most):
             better = self._exchange(route, arms)
-            since = since + 1 if better.worth <= route.worth + self._options.gain else 1
+            since = since + 1 if better.worth <= route.worth + self._worth.options.gain else 1
             route = better if better.worth > route.worth else route
             if since == len(groups) and np.isfinite(route.worth):
                 break

@@ -105,7 +105,7 @@ class LocalSearches:
         cell = self.setting.cell
         best = gathered(cell, self.ends, self.options.same)[:most]
         optima = np.array([optimum.q for optimum in best])
-        parts = [part.T for part in cell.system.split(optima.T)] if len(optima) else []
+        parts = cell.system.split(optima) if len(optima) else []
         return [np.unique(part.round(9), axis=0) for part in parts]
 
     def responses(self, i: int, closed: Array, most: int) -> Array:

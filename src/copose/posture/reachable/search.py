@@ -156,7 +156,7 @@ class ReachableSet:
         return reason, any(complete for _, complete in stuck)
 
     def search(self, seed: int, effort: Effort) -> SearchOutcome:
-        """Find local optima among what the arms can come to, the best of them first."""
+        """Find local optima among the postures that can be reached, best first."""
         model, setting = self.model, self.setting
         cell, samples = setting.cell, self.samples
         if not all(len(sample.closed) for sample in samples):
@@ -180,9 +180,10 @@ class ReachableSet:
         return self.confirmed(outcome)
 
     def confirmed(self, found: SearchOutcome) -> SearchOutcome:
-        """A search with those of its optima that can be come to; where its best combination before
-        polishing is better, or there is none, with that. Where the call has to end, of a few that
-        are quick to tell.
+        """A search's outcome with those of its optima that can be reached.
+
+        Its best combination before polishing is added where it is better, or no optimum is left.
+        Where the call has to end, only a few optima are confirmed, and only if that is quick.
         """
         if not over():
             return self._confirmed(found)
@@ -191,6 +192,7 @@ class ReachableSet:
             return self._confirmed(replace(found, optima=quick, best=None))
 
     def _confirmed(self, found: SearchOutcome) -> SearchOutcome:
+        """The outcome of `confirmed` without hurry."""
         kept = []
         for optimum in found.optima[: self.options.optima]:
             q = self._reached(optimum.q)

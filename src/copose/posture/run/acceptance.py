@@ -133,7 +133,7 @@ class Acceptance:
         return all(constraint.kept(measured.posture) for constraint in constraints)
 
     def allowed(self, measured: Measurement) -> bool:
-        """True where a posture keeps limits, margins and clearance, and holds the object."""
+        """True where a posture keeps limits and margins, and the constraints."""
         joints, cell = measured.posture.joints, self.cell
         return self.kept(measured) and all(
             np.all((np.array(joints[arm.name]) >= low) & (np.array(joints[arm.name]) <= high))

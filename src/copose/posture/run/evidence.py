@@ -10,7 +10,7 @@ from copose.cell.cell import Cell
 from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum
 from copose.posture.search.global_search import climbed
-from copose.posture.search.heaviest import all_judged, combinations, heaviest, uncarried
+from copose.posture.search.heaviest import all_combinations, all_judged, heaviest, uncarried
 from copose.posture.search.outcome import SearchOutcome
 from copose.posture.setting import Setting
 from copose.posture.solvers.nlp import LocalSolve
@@ -139,7 +139,7 @@ def within_limits(
     if model.feasibility.judged:
         most = heaviest(cell, seed)
         q, sure = most.q, most.sure
-        few = combinations([sample.closed for sample in outcome.samples])
+        few = all_combinations([sample.closed for sample in outcome.samples])
         if len(few) and all(cell.spare(i) <= 0 for i in range(len(cell.arms))):
             q, sure = few, True
         held = model.held(setting, q) if len(q) else np.zeros(0, dtype=bool)

@@ -45,7 +45,7 @@ def all_judged(cell: Cell) -> bool:
     return len(cell.arms) <= 2 and all(cell.spare(i) <= 1 for i in range(len(cell.arms)))
 
 
-def combinations(postures: Sequence[Array], most: int = 4096) -> Array:
+def all_combinations(postures: Sequence[Array], most: int = 4096) -> Array:
     """All combinations of the arms' postures, stacked, (count, N).
 
     Args:

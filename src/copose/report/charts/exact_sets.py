@@ -18,7 +18,7 @@ from copose.poses import Array
 from copose.problem import SPACES
 from copose.report.axes import ANGULAR_AXES, LINEAR_AXES, acceleration_unit
 from copose.report.charts.legends import legend_below
-from copose.report.geometry.hulls import Solid
+from copose.report.geometry.hulls import Hull
 from copose.report.geometry.slices import Slice
 from copose.report.geometry.view import View, frame, roomy
 from copose.report.look import LOOK
@@ -200,7 +200,7 @@ def _solid(ax: Any, picture: SetPicture) -> None:
     seen = View()
     view = seen.axes
     points = [np.zeros((1, 3)), picture.corners]
-    solid = Solid.of(picture.corners)
+    solid = Hull.of(picture.corners)
     if solid is not None:
         _shell(ax, solid, view)
     if picture.ellipsoid is not None:
@@ -220,7 +220,7 @@ def _solid(ax: Any, picture: SetPicture) -> None:
     frame(ax, *roomy(np.vstack(points)), _labels(picture), seen, whole=True)
 
 
-def _shell(ax: Any, solid: Solid, view: Array, *, sharp: float = 45.0) -> None:
+def _shell(ax: Any, solid: Hull, view: Array, *, sharp: float = 45.0) -> None:
     """A solid that one looks into: its back in shades, its front as a veil with edges.
 
     Faces that meet at less than a sharp angle, degrees, have a finer edge between them.

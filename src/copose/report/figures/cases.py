@@ -18,8 +18,8 @@ from copose.report.geometry.free_ranges import ranges
 from copose.report.look import LOOK
 from copose.report.numbers import three
 from copose.report.panels import Panel, Row, case_of
-from copose.report.scene import planar as planar_scene
-from copose.report.scene import spatial as spatial_scene
+from copose.report.scene.planar import PlanarStage
+from copose.report.scene.spatial import SpatialStage
 from copose.report.words import objective_name, objective_unit, short, value_words
 
 
@@ -114,7 +114,7 @@ class _SpatialScenes:
 
     def __init__(self, panels: list[Panel], look: CasesLook) -> None:
         """The scenes of panels."""
-        self._panels, self._stage = panels, spatial_scene.Stage.of(panels)
+        self._panels, self._stage = panels, SpatialStage.of(panels)
         self.words = [(kind.words(panels), kind.color) for kind in self._stage.kinds]
         self.entries = legend_entries(panels[0].solution.joint_names)
         self.height, self.left, self.below = 4.2, look.side, 0.0
@@ -140,7 +140,7 @@ class _PlanarScenes:
 
     def __init__(self, panels: list[Panel], look: CasesLook) -> None:
         """The scenes of panels."""
-        self._panels, self._stage = panels, planar_scene.Stage.of(panels)
+        self._panels, self._stage = panels, PlanarStage.of(panels)
         self._low, self._high = self._stage.frame(panels, [])
         width, height = self._high - self._low
         arms = panels[0].solution.joint_names

@@ -22,7 +22,7 @@ from copose.report.look import LOOK
 from copose.report.numbers import round_scale
 from copose.report.panels import Panel
 from copose.report.scene.forces import draw_arrows, holding_arrows
-from copose.report.scene.planar import Stage
+from copose.report.scene.planar import PlanarStage
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class PlanarLook:
 
 
 @dataclass(frozen=True)
-class _Layout:
+class _PlanarLayout:
     """Sizes of one planar picture, inches.
 
     Attributes:
@@ -57,7 +57,7 @@ class _Layout:
 
 def planar_figure(panels: list[Panel], heading: str, look: PlanarLook = PlanarLook()) -> Figure:
     """Postures side by side at one scale, with every arm's own ellipse and the system's."""
-    stage = Stage.of(panels)
+    stage = PlanarStage.of(panels)
     sets, holding = set_pictures(panels), share_panels(panels)
     arrows, words = holding_arrows(panels[0].posture, stage.size) if sets else ([], "")
     low, high = stage.frame(panels, [tail for tail, _ in arrows])
@@ -73,7 +73,9 @@ def planar_figure(panels: list[Panel], heading: str, look: PlanarLook = PlanarLo
     tall = min(look.panel * height / width + 1.0 + 0.24 * extra, look.tallest) + below + charts
     if sets:
         tall = max(tall, look.panel + 0.6 + below + charts)
-    layout = _Layout(wide, tall, below, charts, extra, len(panels) / (len(panels) + bool(sets)))
+    layout = _PlanarLayout(
+        wide, tall, below, charts, extra, len(panels) / (len(panels) + bool(sets))
+    )
     figure = Figure(figsize=(wide, tall))
     axes = figure.subplots(1, len(panels), squeeze=False, sharex=True, sharey=True)[0]
     for k, ax in enumerate(axes):
@@ -126,7 +128,12 @@ def _draw_legend(figure: Figure, panels: list[Panel], columns: int, *, scaled: b
 
 
 def _draw_charts(
-    figure: Figure, layout: _Layout, sets: list[SetPicture], holding: list[Panel], *, named: bool
+    figure: Figure,
+    layout: _PlanarLayout,
+    sets: list[SetPicture],
+    holding: list[Panel],
+    *,
+    named: bool,
 ) -> None:
     """The first exact set beside the scenes, and below them the others and shares of torques."""
     wide, tall, left = layout.wide, layout.tall, 0.6 / layout.wide

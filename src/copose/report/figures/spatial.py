@@ -17,13 +17,13 @@ from copose.report.geometry.free_ranges import ranges
 from copose.report.look import LOOK
 from copose.report.panels import Panel
 from copose.report.scene.forces import draw_arrows, holding_arrows
-from copose.report.scene.spatial import Stage
+from copose.report.scene.spatial import SpatialStage
 from copose.report.scene.spatial_slices import SliceKind
 from copose.report.words import short
 
 
 @dataclass(frozen=True)
-class _Layout:
+class _SpatialLayout:
     """The places of one spatial picture in its figure.
 
     Attributes:
@@ -41,7 +41,7 @@ class _Layout:
     @classmethod
     def of(
         cls, figure: Figure, panels: list[Panel], kinds: int, sets: int, lines: int, *, shares: bool
-    ) -> _Layout:
+    ) -> _SpatialLayout:
         """The layout of panels.
 
         Args:
@@ -93,14 +93,16 @@ def spatial_figure(panels: list[Panel], heading: str) -> Figure:
 
     Beside them stands what torque limits allow, where results say so: exact sets and shares.
     """
-    stage, sets, holding = Stage.of(panels), set_pictures(panels), share_panels(panels)
+    stage, sets, holding = SpatialStage.of(panels), set_pictures(panels), share_panels(panels)
     kinds = stage.kinds
     alone = len({id(panel.solution) for panel in panels}) == 1
     moved = moved_words(panels[0].solution) if alone else ""
     lines = [(kind.words(panels), kind.color) for kind in kinds]
     lines += [(moved, LOOK.ink)] if moved else []
     figure = Figure()
-    layout = _Layout.of(figure, panels, len(kinds), len(sets), len(lines), shares=bool(holding))
+    layout = _SpatialLayout.of(
+        figure, panels, len(kinds), len(sets), len(lines), shares=bool(holding)
+    )
     for k in range(len(panels)):
         _draw_panel(figure, layout, stage, panels, k, sets)
     for exact, place in zip(sets, layout.scenes[len(panels) :], strict=True):
@@ -116,7 +118,7 @@ def spatial_figure(panels: list[Panel], heading: str) -> Figure:
 
 
 def _draw_panel(
-    figure: Figure, layout: _Layout, stage: Stage, panels: list[Panel], k: int,
+    figure: Figure, layout: _SpatialLayout, stage: SpatialStage, panels: list[Panel], k: int,
     sets: list[SetPicture],
 ) -> None:  # fmt: skip
     """The scene of one of the panels with its legend and title."""

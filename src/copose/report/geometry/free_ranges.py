@@ -9,8 +9,8 @@ import numpy as np
 
 from copose.poses import Array, rotation_rows
 from copose.report.geometry.shapes import turn
-from copose.report.panels import Panel
-from copose.results import CasePosture, FreeRecord, PlanarPlace, Posture
+from copose.report.panels import Panel, case_of
+from copose.results import FreeRecord, PlanarPlace, Posture
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Range:
 def ranges(panel: Panel) -> list[Range]:
     """The boxes around the file's positions in which a posture's free positions had to be."""
     posture = panel.posture
-    case = f"{posture.name}: " if isinstance(posture, CasePosture) else ""
+    case = f"{case_of(posture)}: " if case_of(posture) else ""
     center = np.array(posture.object.position)
     nothing, world = np.zeros(len(center)), np.eye(len(center))
     boxes = [Range(None, "object", _edges(panel, f"{case}object", center, nothing, world))]

@@ -13,7 +13,7 @@ from copose.poses import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
+class Hull:
     """The convex hull of points in space.
 
     Attributes:
@@ -34,7 +34,7 @@ class Solid:
         return np.asarray(points[_even_hull(points @ view.T)[0].vertices])
 
     @classmethod
-    def of(cls, points: Array) -> Solid | None:
+    def of(cls, points: Array) -> Hull | None:
         """The hull of points, (k, 3); None of points in a plane."""
         if len(points) < 4:
             return None

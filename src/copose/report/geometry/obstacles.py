@@ -13,7 +13,7 @@ from copose.report.panels import Drawn
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class DrawnObstacle:
     """The part of an obstacle that a picture shows.
 
     Attributes:
@@ -32,7 +32,9 @@ class Body:
         return np.vstack(self.faces)
 
 
-def bodies(solution: Drawn, low: Array, high: Array, *, margin: float = 0.25) -> list[Body]:
+def bodies(
+    solution: Drawn, low: Array, high: Array, *, margin: float = 0.25
+) -> list[DrawnObstacle]:
     """Obstacles near a scene; of those larger than it the parts that are near.
 
     Args:
@@ -52,7 +54,7 @@ def bodies(solution: Drawn, low: Array, high: Array, *, margin: float = 0.25) ->
         if near and float(np.ptp(np.vstack(whole), axis=0).max()) <= size:
             near = tuple(whole)
         if near:
-            shown.append(Body(obstacle.name, near, obstacle.shape.kind != "box"))
+            shown.append(DrawnObstacle(obstacle.name, near, obstacle.shape.kind != "box"))
     return shown
 
 

@@ -31,7 +31,7 @@ Placed: TypeAlias = tuple[Array, Slice, str | None]
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class PlanarStage:
     """Axes that all scenes of a picture share.
 
     Attributes:
@@ -49,7 +49,7 @@ class Stage:
     high: Array
 
     @classmethod
-    def of(cls, panels: list[Panel]) -> Stage:
+    def of(cls, panels: list[Panel]) -> PlanarStage:
         """Axes in which all panels have room; the longest semi-axis is 0.3 of arms and objects."""
         points = [_points(panels)]
         size = float((points[0].max(axis=0) - points[0].min(axis=0)).max())

@@ -14,7 +14,7 @@ from copose.report.charts.legends import Entry
 from copose.report.geometry.camera import best_view
 from copose.report.geometry.free_ranges import ranges
 from copose.report.geometry.link_bodies import LinkBodies, LinkBody
-from copose.report.geometry.obstacles import Body, bodies
+from copose.report.geometry.obstacles import DrawnObstacle, bodies
 from copose.report.geometry.posture_points import object_faces, object_points
 from copose.report.geometry.view import View, frame, roomy
 from copose.report.look import LOOK, arm_colors
@@ -32,7 +32,7 @@ from copose.results import Posture
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class SpatialStage:
     """Axes that all scenes of a picture share.
 
     Attributes:
@@ -47,12 +47,12 @@ class Stage:
     kinds: list[SliceKind]
     low: Array
     high: Array
-    bodies: list[list[Body]]
+    bodies: list[list[DrawnObstacle]]
     links: list[list[LinkBody]]
     view: View
 
     @classmethod
-    def of(cls, panels: list[Panel]) -> Stage:
+    def of(cls, panels: list[Panel]) -> SpatialStage:
         """Axes in which all panels have room."""
         robots = {id(p.solution): LinkBodies.of(p.solution.problem) for p in panels}
         links = [robots[id(panel.solution)].placed(panel.posture) for panel in panels]
@@ -89,7 +89,7 @@ class Stage:
             ax.plot([], [], color=LOOK.ink, linewidth=1, label=Entry.OTHER)
 
 
-def draw_body(ax: Any, polygons: Polygons, body: Body, view: View) -> None:
+def draw_body(ax: Any, polygons: Polygons, body: DrawnObstacle, view: View) -> None:
     """An obstacle and its name, below it."""
     polygons.clear(body.faces, LOOK.obstacle, 0.4)
     if not body.round:

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from copose.poses import Array, Indices
 from copose.report.axes import ANGULAR_AXES, LINEAR_AXES
-from copose.report.geometry.hulls import Solid
+from copose.report.geometry.hulls import Hull
 from copose.report.look import LOOK
 from copose.results import ExactSetRecord, Posture
 from copose.viewer.names import node
@@ -75,7 +75,7 @@ class ExactSets:
                     color=rgb(LOOK.exact_set),
                     opacity=self._look.opacity,
                     # Its front would hide the ellipsoid in it.
-                    side="back" if Solid.of(corners) is not None else "double",
+                    side="back" if Hull.of(corners) is not None else "double",
                     flat_shading=True,
                     cast_shadow=False,
                     receive_shadow=False,
@@ -119,7 +119,7 @@ def _faces(corners: Array) -> Indices:
 
 def _edges(corners: Array, sharp_angle: float) -> Array:
     """Edges of the hull at which faces meet at a sharp angle, rad, or more, (e, 2, 3)."""
-    solid = Solid.of(corners)
+    solid = Hull.of(corners)
     if solid is not None:
         one, other = solid.normals[solid.sides.T]
         sharp = np.einsum("ij,ij->i", one, other) < np.cos(sharp_angle)

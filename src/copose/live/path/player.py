@@ -1,4 +1,4 @@
-"""The page's part for the motion along the path: plans it, shows it at an instant, plays it."""
+"""The page's part for the motion along the path: planning, showing an instant, playing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import viser
 from copose.errors import InputError
 from copose.live.files import file_named
 from copose.live.panels.path_panel import PathPanel
-from copose.live.path_motion import PathMotion
+from copose.live.path.motion import PathMotion
 from copose.live.scene.path_lines import PathDrawing
 from copose.live.session import Session
 from copose.live.state import State
@@ -20,20 +20,17 @@ from copose.poses import Pose
 from copose.progress import Progress
 from copose.viewer.scene import CellScene
 
-# Between two pictures of a motion that plays, s.
-_PICTURE = 1 / 30
-
 
 class PathPlayer:
-    """The actions of the tab of the path; the page's worker does what takes its time.
+    """The actions of the tab of the path; long ones are the work of the page's worker.
 
     Attributes:
-        motion: that is planned and shown.
+        motion: the motion that is planned and shown.
         shown: whether the scene shows the motion, and not the posture of ``[object]``.
         panel: the tab's controls; the page sets them.
-        told: is told of progress, of None at the end; the page sets it.
-        shows: is called when an instant is shown; the page sets it.
-        left: shows the posture again; the page sets it.
+        told: function that is told of progress, of None at the end; the page sets it.
+        shows: function that is called when an instant is shown; the page sets it.
+        left: function that shows the posture again; the page sets it.
     """
 
     panel: PathPanel
@@ -47,15 +44,15 @@ class PathPlayer:
         """Draw the path.
 
         Args:
-            session: whose problem has a path.
-            worker: of the page.
-            server: alike.
-            scene: alike, fit to a posture.
+            session: the session; its problem has a path.
+            worker: the page's worker.
+            server: the page's server.
+            scene: the page's scene, fit to a posture.
         """
         self.motion, self.shown = PathMotion(session), False
         self._session, self._worker, self._server, self._scene = session, worker, server, scene
         self._playing = self._planning = False
-        self._wanted = True
+        self._resumes = True
         self._drawing = PathDrawing(server.scene, self.way, scene.size or 1.0)
 
     @property
@@ -67,10 +64,10 @@ class PathPlayer:
 
     def plan(self) -> None:
         """Plan the motion, or end planning that is under way."""
-        self._wanted = not self._planning
+        self._resumes = not self._planning
         self.halt()
         self._session.interrupt()
-        if self._wanted:
+        if self._resumes:
             self._worker.do(self._plan)
 
     def go(self, time: float) -> None:
@@ -93,7 +90,7 @@ class PathPlayer:
     # What the page has done.
 
     def halt(self) -> None:
-        """Play no further; any thread may say so."""
+        """Stop playing; from any thread."""
         self._playing = False
 
     def leave(self) -> None:
@@ -113,11 +110,11 @@ class PathPlayer:
 
     def resume(self) -> None:
         """Plan again where a hand has interrupted planning; on the worker's thread."""
-        if self.motion.interrupted and self._wanted:
+        if self.motion.interrupted and self._resumes:
             self._plan()
 
     def render(self, state: State) -> None:
-        """Show what has changed of the path's problem."""
+        """Show the path of a state, and its motion."""
         self._drawing.place(waypoint_poses(state.problem))
         self.panel.show(self.motion)
 
@@ -126,16 +123,17 @@ class PathPlayer:
         self._worker.do(self._plan)
 
     def _plan(self) -> None:
+        """Plan, and show the instant of the new motion."""
         self._planning = True
         self.panel.planning(True)
         try:
-            found = self.motion.plan(self.told)
+            planned = self.motion.plan(self.told)
         finally:
             self._planning = False
             self.told(None)
             self.panel.planning(False)
         with self._server.atomic():
-            if found and not self.motion.interrupted:
+            if planned and not self.motion.interrupted:
                 self._show(self.motion.time)
             self.panel.show(self.motion)
         self._server.flush()
@@ -177,14 +175,16 @@ class PathPlayer:
             if self.motion.time >= course.duration:
                 break
             if self._worker.waiting:
-                # It is done first; what plays goes on after it.
+                # Other tasks are done first; then the motion plays on.
                 self._worker.do(lambda: self._run(began))
                 return
-            time.sleep(max(0.0, now + _PICTURE - time.perf_counter()))
+            # Thirty pictures a second, if they are drawn in time.
+            time.sleep(max(0.0, now + 1 / 30 - time.perf_counter()))
         self._playing = False
         self.panel.playing(False)
 
     def _saved(self, kind: str, place: str) -> None:
+        """Write the motion, and say so."""
         try:
             written = self.motion.save(kind, file_named(place))
         except InputError as error:

@@ -1,4 +1,4 @@
-"""The motion along the path of a session: planned, looked at at any instant, and saved."""
+"""The motion along the path of a session: planning, postures at instants, and saving."""
 
 from __future__ import annotations
 
@@ -22,22 +22,15 @@ from copose.problem import Problem, moved
 from copose.progress import Tell
 from copose.results import Knot, Motion, Posture, Solution, to_json, write_file
 
-# What an instant may be beside a knot that counts as at it, s.
-_AT_KNOT = 1e-9
-# What waypoints may differ by that count as the same, m and of quaternions.
-_ALIKE = 1e-12
-_INTERRUPTED = "planning was interrupted"
-_NONE = "no motion has been planned"
-
 
 @dataclass(frozen=True, eq=False)
-class Course:
-    """A motion that was found, between its knots, too.
+class PlannedMotion:
+    """A planned motion, between its knots too.
 
     Attributes:
-        problem: whose path it goes along.
-        motion: with knots.
-        planner: of the problem's structure.
+        problem: the problem of its path.
+        motion: the motion, with knots.
+        planner: a planner for the problem's structure.
     """
 
     problem: Problem
@@ -46,17 +39,17 @@ class Course:
 
     @property
     def duration(self) -> float:
-        """The time that it takes, s."""
+        """Its duration, s."""
         return float(self.motion.duration or 0.0)
 
     @cached_property
     def knots(self) -> tuple[Knot, ...]:
-        """The motion's."""
+        """Its knots."""
         return self.motion.knots or ()
 
     @cached_property
     def time(self) -> Array:
-        """Of the knots, s, (n,)."""
+        """Times of the knots, s, (n,)."""
         return np.array(self.motion.time, dtype=float)
 
     @cached_property
@@ -66,15 +59,18 @@ class Course:
 
     @cached_property
     def _journey(self) -> ObjectMotion:
+        """The path of the object."""
         return ObjectMotion.of(self.problem)
 
     @cached_property
     def _rates(self) -> dict[str, Array]:
+        """Joint velocities at the knots by arm, (n, n_i)."""
         names = self.motion.joint_names
         return {arm: np.array([knot.velocity[arm] for knot in self.knots]) for arm in names}
 
     @cached_property
     def _joints(self) -> dict[str, Array]:
+        """Joint positions at the knots by arm, (n, n_i)."""
         names = self.motion.joint_names
         return {arm: np.array([knot.joints[arm] for knot in self.knots]) for arm in names}
 
@@ -97,11 +93,11 @@ class Course:
         """The measures at an instant; between knots the chain is open by what the path tolerates,
         so that the posture may be its ``nearest_miss``.
         """
-        where = place(self.pose(time), planar=self.problem.space.planar)
-        return self.planner.evaluate(self.joints(time), problem=moved(self.problem, where))
+        at = place(self.pose(time), planar=self.problem.space.planar)
+        return self.planner.evaluate(self.joints(time), problem=moved(self.problem, at))
 
     def posture(self, time: float) -> Posture:
-        """The arms and the object at an instant; at a knot what the motion records of it."""
+        """The arms and the object at an instant; at a knot the motion's record of it."""
         knot = self.knot(time)
         if knot is not None:
             return knot
@@ -113,20 +109,21 @@ class Course:
     def knot(self, time: float) -> Knot | None:
         """The knot at an instant; None between knots."""
         k = int(np.abs(self.time - time).argmin())
-        return self.knots[k] if abs(self.time[k] - time) <= _AT_KNOT else None
+        return self.knots[k] if abs(self.time[k] - time) <= 1e-9 else None
 
     def value(self, time: float) -> float | None:
         """The objective at an instant, straight between knots; None where there is none."""
         return self._between(self.values, time)
 
     def tracked(self, time: float) -> float | None:
-        """The objective of least-norm tracking, alike."""
+        """The objective of least-norm tracking at an instant, alike."""
         record = self.motion.least_norm
         if record is None:
             return None
         return self._between(np.array(record.objective, dtype=float), time)
 
     def _between(self, values: Array, time: float) -> float | None:
+        """A value at an instant, straight between knots; None where there is none."""
         value = float(np.interp(time, self.time, values))
         return value if np.isfinite(value) else None
 
@@ -136,15 +133,15 @@ class PathMotion:
     """The motion of a session along its path; every method belongs to the session's thread.
 
     Attributes:
-        session: whose problem has a path.
-        course: the motion that was planned last; None before one was found.
+        session: the session; its problem has a path.
+        course: the motion that was planned last; None before the first.
         message: why there is none, or no newer one; empty if nothing is wrong.
-        interrupted: whether planning was, the last time.
-        time: the instant that is looked at, s.
+        interrupted: whether planning was interrupted the last time.
+        time: the instant that is shown, s.
     """
 
     session: Session
-    course: Course | None = None
+    course: PlannedMotion | None = None
     message: str = ""
     interrupted: bool = False
     time: float = 0.0
@@ -153,7 +150,7 @@ class PathMotion:
         """Plan the motion of the session's problem; where there is none the last one stays.
 
         Args:
-            tell: is told of progress.
+            tell: function that is told of progress.
 
         Returns:
             Whether there is a new motion.
@@ -169,10 +166,10 @@ class PathMotion:
             return False
         if motion.knots is None:
             why = f"{motion.status}: {motion.reason}"
-            self.message = _INTERRUPTED if self.interrupted else why
+            self.message = "planning was interrupted" if self.interrupted else why
             return False
         share = self.time / self.course.duration if self.course and self.course.duration else 0.0
-        self.course, self.message = Course(problem, motion, planner), ""
+        self.course, self.message = PlannedMotion(problem, motion, planner), ""
         # The same place along the path, should it take another time.
         self.time = share * self.course.duration
         return True
@@ -188,7 +185,7 @@ class PathMotion:
         return course.posture(self.time)
 
     def state(self) -> State:
-        """What the session shows, with the arms where they are at the instant.
+        """The state of the session with the arms at their postures of the instant.
 
         Raises:
             InputError: there is no motion.
@@ -203,7 +200,7 @@ class PathMotion:
         return course is not None and not _same_motion(course.problem, self.session.state.problem)
 
     def save(self, kind: str, path: Path) -> Path:
-        """Write the motion; it replaces what is there.
+        """Write the motion; files of these names are replaced.
 
         Args:
             kind: motion, for a folder with ``result.json``, ``trajectory.csv`` and ``path.png``; or
@@ -226,22 +223,27 @@ class PathMotion:
         draw(course.motion, path / "path.png")
         return path
 
-    def _course(self) -> Course:
+    def _course(self) -> PlannedMotion:
+        """The motion that was planned last.
+
+        Raises:
+            InputError: there is none.
+        """
         if self.course is None:
-            raise InputError(self.message or _NONE)
+            raise InputError(self.message or "no motion has been planned")
         return self.course
 
 
 def _same_motion(one: Problem, other: Problem) -> bool:
-    """Whether two problems ask for one motion: what ``[object]`` has of places does not enter but
-    where waypoints leave them out.
+    """Whether two problems ask for one motion: the pose of ``[object]`` counts only where waypoints
+    leave it out.
     """
     if one is other:
         return True
-    here = place(one.object.pose, planar=one.space.planar)
-    there = zip(waypoint_poses(one), waypoint_poses(other), strict=False)
-    return moved(other, here) == moved(one, here) and all(
-        np.allclose(a.position, b.position, 0, _ALIKE)
-        and np.allclose(a.quaternion, b.quaternion, 0, _ALIKE)
-        for a, b in there
+    pose = place(one.object.pose, planar=one.space.planar)
+    waypoints = zip(waypoint_poses(one), waypoint_poses(other), strict=False)
+    return moved(other, pose) == moved(one, pose) and all(
+        np.allclose(a.position, b.position, 0, 1e-12)
+        and np.allclose(a.quaternion, b.quaternion, 0, 1e-12)
+        for a, b in waypoints
     )

@@ -1,0 +1,1 @@
+"""The motion along the path: planning, showing and playing it."""
