@@ -579,6 +579,18 @@ def test_the_object_moves_for_each_case_and_bases_for_all() -> None:
         check_posture(posture, placed(cell, posture, case), solution.joint_names)
 
 
+def test_evaluate_refuses_cases_that_share_what_is_free() -> None:
+    """One posture at one placement is no answer to them: one line says so, and no traceback."""
+    cell = with_cases()
+    alone = stuck(cell)
+    del alone["cases"]
+    held = solved(alone, "low").after.joints
+    with pytest.raises(InputError, match=r"^cases: and freedom ask for several postures"):
+        copose.evaluate(parse(cell), held)
+    for rest in (stuck(cell), {key: cell[key] for key in cell if key != "cases"}):
+        assert copose.evaluate(parse(rest), held).status == "solved"
+
+
 # Repeatable.
 
 

@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 import copose
+import copose.posture.model
 from cells import planar
 from copose.cell.cell import Cell
+from copose.constraints.posture_constraint import PostureConstraint
+from copose.constraints.table import constraints_of
 from copose.motion.graph.dynamic_programming import Lattice, Moves
 from copose.motion.graph.routes import RouteCost, RouteFinder
 from copose.posture.model import PostureModel
@@ -148,3 +151,43 @@ def test_every_beginning_of_a_closed_motion_counts(together: bool) -> None:
     assert max(route.worth for route in found) == pytest.approx(best)
     for route in found:
         assert (route.nodes[0] == route.nodes[-1]).all()
+
+
+class Nowhere(PostureConstraint):
+    """A constraint that no posture keeps."""
+
+    name = "nowhere"
+
+    @classmethod
+    def of(cls, cell: Cell, *, moving: bool) -> Nowhere:
+        return cls()
+
+    def allows(self, context: object, q: list[np.ndarray]) -> np.ndarray:
+        return np.zeros(len(q[0]), dtype=bool)
+
+    def kept(self, posture: object) -> bool:
+        return False
+
+
+@pytest.mark.parametrize(
+    ("arms", "joints", "kind", "status"),
+    [(1, 2, "volume", "infeasible"), (1, 3, "volume", "failed"), (2, 3, "payload", "failed")],
+)
+def test_the_reason_names_a_constraint_that_allows_no_posture(
+    arms: int, joints: int, kind: str, status: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # With a payload torque limits matter, and would be blamed.
+    cell = planar(arms, joints)
+    cell["objective"] = {"kind": kind}
+    cell["world"] = {"gravity": [0.0, -9.81]}
+    for arm in cell["arms"]:
+        arm["torque_limits"] = [100.0] * joints
+    assert copose.solve(copose.parse(cell)).status == "solved"
+
+    def with_another(cell: Cell) -> tuple[PostureConstraint, ...]:
+        return (*constraints_of(cell), Nowhere())
+
+    monkeypatch.setattr(copose.posture.model, "constraints_of", with_another)
+    solution = copose.solve(copose.parse(cell))
+    assert solution.reason == "no posture that was compared keeps the constraint 'nowhere'"
+    assert solution.status == status

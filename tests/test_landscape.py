@@ -305,7 +305,7 @@ def test_bodies_in_the_way_are_told() -> None:
     one = landscape.first.postures(landscape.rows[::8])
     other = landscape.second.postures(landscape.columns[::8])
     q = np.hstack([np.repeat(one, len(other), axis=0), np.tile(other, (len(one), 1))])
-    truth = machinery.clear(setting, q).reshape(len(one), len(other))
+    truth = machinery.feasibility.clear(setting, q).reshape(len(one), len(other))
     within = landscape.first.within(landscape.rows)[::8, None]
     within = within & landscape.second.within(landscape.columns)[::8]
     assert np.array_equal(landscape.allowed[::8, ::8], truth & within)
@@ -314,7 +314,7 @@ def test_bodies_in_the_way_are_told() -> None:
     assert 0 < truth[within].mean() < alone[within].mean() < 1
     curve = landscape.first
     stacked = np.hstack([curve.points, np.tile(joints["a2"], (len(curve.points), 1))])
-    there = machinery.clear(setting, stacked) | ~curve.inside
+    there = machinery.feasibility.clear(setting, stacked) | ~curve.inside
     assert np.array_equal(curve.clear, there) and not there.all()
 
 

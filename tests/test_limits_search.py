@@ -141,7 +141,7 @@ def test_a_hold_that_no_sample_has_is_found(monkeypatch) -> None:
     best = copose.solve(parse(cell)).objective.after
 
     def none_held(machinery, setting, postures, near, screened, most):
-        if machinery.static:
+        if machinery.cell.problem.constraints.static_torque:
             return Screened(screened.chosen[:0], screened.scores[:0], screened.combinations)
         return judged(machinery, setting, postures, near, screened, most)
 

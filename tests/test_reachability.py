@@ -18,7 +18,7 @@ from cells import closed_postures, planar, random_cell, tables, two_pandas
 from copose.cell.cell import Cell
 from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum
-from copose.posture.reachable.components import component, rails_of
+from copose.posture.reachable.components import component, manifold_of
 from copose.posture.reachable.reachability import reachable
 from copose.posture.reachable.search import ReachableSet
 from copose.posture.search.effort import EFFORTS
@@ -136,7 +136,7 @@ def asked(machinery, setting, start, end) -> bool | None:
 def test_every_tangent_of_a_followed_curve_is_one() -> None:
     lengths, distance = (0.4, 0.3, 0.35), 0.6
     machinery, setting = ready(three_links(lengths, distance))
-    rails = rails_of(machinery, setting, [0])
+    rails = manifold_of(machinery, setting, [0])
     curve = follow(rails, elbows(lengths, distance, np.array([0.3]), 1.0))[0]
     _, J = rails.kernels.residual(curve.points, rails.goals[0])
     assert len(curve.points) > 20

@@ -51,14 +51,7 @@ class Watch:
     def __init__(
         self, tell: Tell | None, limit: float | None, began: float, outer: Watch | None
     ) -> None:
-        """A call that begins.
-
-        Args:
-            tell: a callback that is given the progress.
-            limit: s that the call may take, since it began; None for any.
-            began: when, on the clock of `time.perf_counter`.
-            outer: the call that it is part of.
-        """
+        """A call that begins, as part of an outer one if there is one; see `watched`."""
         self.told, self.began, self._limit = tell, began, limit
         self._deadline = math.inf if limit is None else began + limit
         self._interrupted = False

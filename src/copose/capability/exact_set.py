@@ -42,17 +42,11 @@ class ExactSet:
 
     A slice of the zonotope Z = {B τ + c : |τ_k| ≤ T_k}; with all coordinates as axes, Z itself.
     Lengths are in the units of the coordinates chosen.
-
-    Attributes:
-        generators: B T, (m, N), of rank m.
-        center: c, (m,).
-        axes: indices of the a coordinates of x, in the order of x.
-        options: tolerances.
     """
 
-    generators: Array
-    center: Array
-    axes: tuple[int, ...]
+    generators: Array  # B T, (m, N), of rank m
+    center: Array  # c, (m,)
+    axes: tuple[int, ...]  # indices of the a coordinates of x, in the order of x
     options: ExactSetOptions = ExactSetOptions()
 
     @classmethod
@@ -369,16 +363,16 @@ class ExactSet:
         one: that is the next. Each ends at one that no other hides; the nearest of all is such a
         one, but not every such one is the nearest.
         """
-        found: list[tuple[float, Array]] = []
+        hits: list[tuple[float, Array]] = []
         for u in self._directions() @ self._frame.T:
             hit = self._hit(_unit(u))
             if hit is None or hit[2] <= 0:
                 return 0.0, _unit(u)
-            found.append((hit[2], hit[1]))
-        distances = np.array([d for d, _ in found])
+            hits.append((hit[2], hit[1]))
+        distances = np.array([d for d, _ in hits])
         _, first = np.unique(np.round(distances / distances.min(), 9), return_index=True)
         ends = []
-        for nearest, n in (found[i] for i in first[: self.options.starts]):
+        for nearest, n in (hits[i] for i in first[: self.options.starts]):
             while (hit := self._hit(n)) and hit[2] < nearest - self.options.same * abs(nearest):
                 _, n, nearest = hit
             ends.append((nearest, n))

@@ -60,8 +60,8 @@ def maximise_first(
     going = np.flatnonzero(np.linalg.norm(A[:, :, -1], axis=1) > options.nothing)
     for _ in range(options.iterations):
         heed()
-        a, here = A[going], (x[going], s[going], z[going])
-        x_, s_, z_ = here
+        a, iterate = A[going], (x[going], s[going], z[going])
+        x_, s_, z_ = iterate
         primal = b[going] - (a @ x_[:, :, None])[:, :, 0] - s_
         dual = goal[going] - (z_[:, None] @ a)[:, 0]
         gap = (s_ * z_).mean(axis=1)

@@ -40,18 +40,13 @@ class JointMotion(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Demand:
-    """A motion and a load that are demanded of the arms, in terms of a number t.
+    """A motion and a load that are demanded of the arms, in terms of a number t."""
 
-    Attributes:
-        motion: a_o = motion·[1, t], (m, 2), or one for each of many postures, (count, m, 2).
-        load: what the contacts' wrenches come to on the object, load·[1, t], (b, 2), or alike; see
-            `Space.balance`.
-        joints: the joint accelerations.
-    """
-
-    motion: Array
+    motion: Array  # a_o = motion·[1, t], (m, 2), or one for each of many postures, (count, m, 2)
+    # What the contacts' wrenches come to on the object, load·[1, t], (b, 2), or alike; see
+    # `Space.balance`.
     load: Array
-    joints: JointMotion
+    joints: JointMotion  # the joint accelerations
 
     @classmethod
     def each(cls, demands: Sequence[Demand]) -> Demand:
@@ -98,44 +93,26 @@ class Demand:
 
 @dataclass(frozen=True, eq=False)
 class Extreme:
-    """An optimum of one posture.
+    """An optimum of one posture."""
 
-    Attributes:
-        value: t.
-        torques: by arm, (n_i,).
-        wrenches: h, tip on object, root axes, by arm, (m,).
-        accelerations: q̈ by arm, (n_i,).
-    """
-
-    value: float
-    torques: tuple[Array, ...]
-    wrenches: tuple[Array, ...]
-    accelerations: tuple[Array, ...]
+    value: float  # t
+    torques: tuple[Array, ...]  # by arm, (n_i,)
+    wrenches: tuple[Array, ...]  # h, tip on object, root axes, by arm, (m,)
+    accelerations: tuple[Array, ...]  # q̈ by arm, (n_i,)
 
 
 @dataclass(frozen=True, eq=False)
 class Dynamics:
-    """The equations of motion of many postures, arm by arm.
+    """The equations of motion of many postures, arm by arm."""
 
-    Attributes:
-        M: joint inertia, (count, n, n) each.
-        J: Jacobians in root axes, (count, m, n) each.
-        g: gravity torques, (count, n) each.
-        motion: X_i, (m, m) each.
-        balance: P_i, (b, m) each.
-        limits: T_i, (n,) each.
-        bounds: on the contact wrenches.
-        ranks: tolerances.
-    """
-
-    M: tuple[Array, ...]
-    J: tuple[Array, ...]
-    g: tuple[Array, ...]
-    motion: tuple[Array, ...]
-    balance: tuple[Array, ...]
-    limits: tuple[Array, ...]
-    bounds: WrenchBounds
-    ranks: RankOptions = RankOptions()
+    M: tuple[Array, ...]  # joint inertia, (count, n, n) each
+    J: tuple[Array, ...]  # Jacobians in root axes, (count, m, n) each
+    g: tuple[Array, ...]  # gravity torques, (count, n) each
+    motion: tuple[Array, ...]  # X_i, (m, m) each
+    balance: tuple[Array, ...]  # P_i, (b, m) each
+    limits: tuple[Array, ...]  # T_i, (n,) each
+    bounds: WrenchBounds  # on the contact wrenches
+    ranks: RankOptions = RankOptions()  # tolerances
 
     @cached_property
     def _edges(self) -> tuple[int, ...]:
@@ -154,7 +131,7 @@ class Dynamics:
     def combined(self, rows: Sequence[Indices]) -> Dynamics:
         """Postures put together from the arms' own, by their numbers."""
         M, J, g = (
-            tuple(part[mine] for part, mine in zip(parts, rows, strict=True))
+            tuple(part[own] for part, own in zip(parts, rows, strict=True))
             for parts in (self.M, self.J, self.g)
         )
         return replace(self, M=M, J=J, g=g)
@@ -219,9 +196,7 @@ class Dynamics:
         """Torques of the hold whose largest share is smallest, stacked, (count, N)."""
         h = np.split(self.resting(demand), len(self.M), axis=1)
         parts = zip(self.g, self.J, h, strict=True)
-        return np.hstack(
-            [g + (J.swapaxes(1, 2) @ mine[:, :, None])[:, :, 0] for g, J, mine in parts]
-        )
+        return np.hstack([g + (J.swapaxes(1, 2) @ own[:, :, None])[:, :, 0] for g, J, own in parts])
 
     def _maps(self, demand: Demand) -> tuple[Array, Array]:
         """q̈, (count, N, 2 + d), and h, (count, Km, 2 + d), as linear in (1, t, d free numbers)."""
@@ -333,12 +308,12 @@ class Dynamics:
             rows, right = [-inertial[:, 1:], np.diag(T), -J.T], inertial[:, 0] + g
         balance = np.hstack([-demand.load[:, 1:], np.zeros((b, N)), P])
         right = np.concatenate([right, demand.load[:, 0]])
-        beside = self.bounds.matrix
-        left, right, sizes = _evened(np.vstack([np.hstack(rows), balance]), right, beside, N)
+        bounds = self.bounds.matrix
+        left, right, sizes = _evened(np.vstack([np.hstack(rows), balance]), right, bounds, N)
         # The least share is in proportion to what is to be held.
         whole = max(float(np.abs(right).max()), 1e-300) if shared else 1.0
-        held = np.hstack([np.zeros((len(beside), 1 + N)), beside * sizes[1 + N :]])
-        above, bound = [held], [np.full(len(beside), 1 / whole)]
+        held = np.hstack([np.zeros((len(bounds), 1 + N)), bounds * sizes[1 + N :]])
+        above, bound = [held], [np.full(len(bounds), 1 / whole)]
         limits = [(-np.inf, np.inf)] + [(-1.0, 1.0)] * N + [(-np.inf, np.inf)] * Km
         if shared:
             limits[1 : 1 + N] = [(-np.inf, np.inf)] * N
@@ -349,14 +324,14 @@ class Dynamics:
                 bound.append(np.zeros(N))
         cost = np.zeros(1 + N + Km)
         cost[0] = 1.0 if shared else -1.0
-        found = linprog(
+        optimum = linprog(
             cost, np.vstack(above), np.concatenate(bound), left, right / whole, limits,
             method="highs",
             options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
         )  # fmt: skip
-        if found.x is None or not found.success:
+        if optimum.x is None or not optimum.success:
             return None
-        x = found.x * whole
+        x = optimum.x * whole
         t, h = x[0] * (1.0 if shared else sizes[0]), x[1 + N :] * sizes[1 + N :]
         torques = x[1 : 1 + N] * T
         speeding = speeds @ [1.0, t]
@@ -370,13 +345,13 @@ class Dynamics:
         )
 
 
-def _evened(left: Array, right: Array, beside: Array, shares: int) -> tuple[Array, Array, Array]:
+def _evened(left: Array, right: Array, bounds: Array, shares: int) -> tuple[Array, Array, Array]:
     """Equations left·x = right in (t, shares, wrenches), each and each variable over its size.
 
     Args:
         left: (rows, 1 + shares + Km).
         right: (rows,).
-        beside: rows of bounds on the wrenches that are at most 1, (count, Km).
+        bounds: rows of bounds on the wrenches that are at most 1, (count, Km).
         shares: how many there are, whose size stays.
 
     Returns:
@@ -385,7 +360,7 @@ def _evened(left: Array, right: Array, beside: Array, shares: int) -> tuple[Arra
     sizes, first = np.ones(left.shape[1]), 1 + shares
     pushed = np.abs(left[:, 1:first]).max(axis=1)
     pushed[pushed == 0.0] = np.inf
-    largest = np.vstack([np.abs(left[:, first:]) / pushed[:, None], np.abs(beside)]).max(axis=0)
+    largest = np.vstack([np.abs(left[:, first:]) / pushed[:, None], np.abs(bounds)]).max(axis=0)
     sizes[first:] = 1 / np.maximum(largest, 1e-300)
     scale = np.abs(left[:, 1:] * sizes[1:]).max(axis=1)
     scale[scale == 0.0] = 1.0

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from copose.capability import RESOLUTIONS, Resolution
-from copose.errors import InputError, arm_key, nearest, together
+from copose.errors import InputError, arm_key, blamed_on, nearest, together
 from copose.mechanics import System, object_parameters
 from copose.poses import Array, Mask
 from copose.problem import ConstraintsSpec, Problem, case_problems, moved
@@ -58,14 +58,12 @@ class Cell:
         arms = load_arms(problem)
         if movable:
             arms = tuple(replace(arm, free=("base", "grasp")) for arm in arms)
-        try:
+        with blamed_on(problem.source):
             fall = np.array([*problem.world.gravity, 0.0])[:3]
             system = System.of(problem.space, arms, problem.ellipsoid.load_distribution, fall)
             scales = _torque_scales(problem, arms)
             _check_limits(problem, arms)
             weightless = _weightless(problem, system)
-        except InputError as error:
-            raise InputError(error.message, key=error.key, file=problem.source) from None
         margin = problem.constraints.joint_margin
         return cls(
             problem=problem,
@@ -162,14 +160,9 @@ class Cell:
         return q
 
     def beyond(self, i: int, q: Array) -> Array:
-        """The distance of the worst joint of arm i beyond its limits, below zero inside them.
+        """The distance of the worst joint of arm i beyond its limits, rad or m, at q, (count, n).
 
-        Args:
-            i: the arm.
-            q: positions, (count, n); a whole turn changes nothing.
-
-        Returns:
-            rad or m, (count,).
+        It is below zero inside the limits, (count,); a whole turn changes nothing.
         """
         middle, half = self._ranges[i]
         return np.asarray((np.abs(self.nearest_turn(i, q - middle)) - half).max(axis=1))

@@ -162,10 +162,7 @@ class CellDynamics:
     def dynamics(self, holding: Holding, q: Sequence[Array], *, bounded: bool = True) -> Dynamics:
         """The equations of motion at postures, by arm (count, n_i).
 
-        Args:
-            holding: of the object.
-            q: the postures.
-            bounded: whether contact wrenches have limits.
+        They are ``bounded`` where contact wrenches have limits.
         """
         parts = []
         for kernel, fall, mine in zip(self._arms, holding.falls, q, strict=True):

@@ -46,17 +46,17 @@ class Freedom:
     @classmethod
     def of(cls, problem: Problem) -> Freedom:
         """The coordinates that the tables ``freedom`` of a problem name."""
-        found = [
+        coordinates = [
             Coordinate("object", None, _spatial(name), *interval)
             for name, interval in problem.object.freedom.ranges.items()
         ]
         for i, arm in enumerate(problem.arms):
             for what in ("base", "grasp"):
-                found += [
+                coordinates += [
                     Coordinate(what, i, name, *interval)
                     for name, interval in getattr(arm.freedom, what).ranges.items()
                 ]
-        return cls(tuple(found))
+        return cls(tuple(coordinates))
 
     def __len__(self) -> int:
         return len(self.coordinates)
@@ -119,11 +119,11 @@ class Freedom:
     def stated(self, problem: Problem, solution: Solution, when: str, case: str = "") -> Array:
         """Coordinates that a result states, (d,): before or after, in a case if there are any."""
         known = {record.name: getattr(record, when) for record in solution.freedom}
-        found = self.nominal
+        x = self.nominal
         for k, name in enumerate(self.names(problem)):
             value = known.get(f"{case}: {name}" if case else name, known.get(name))
-            found[k] = found[k] if value is None else value
-        return found
+            x[k] = x[k] if value is None else value
+        return x
 
     def at(self, cell: Cell, x: Array) -> Cell:
         """The cell with everything moved by x, (d,)."""

@@ -50,9 +50,7 @@ def best_so_far(stop: StoppedError) -> str:
 def standing_notes(cell: Cell, *, everything: bool = False) -> tuple[str, ...]:
     """Notes that hold for every posture of a cell.
 
-    Args:
-        cell: the problem made ready.
-        everything: also what its answers do not depend on.
+    With ``everything`` also those on what its answers do not depend on.
     """
     return once([*_unit_notes(cell), *_model_notes(cell), *_oddities(cell, everything)])
 

@@ -18,17 +18,12 @@ POSE = 7
 
 @dataclass(frozen=True)
 class Carrier:
-    """A frame that solids are fixed to.
+    """A frame that solids are fixed to."""
 
-    Attributes:
-        kind: the world; the object; an arm's root frame; a joint's frame, after its motion.
-        arm: number of the arm, −1 for world and object.
-        joint: number of the arm's free joint, −1 for the root.
-    """
-
+    # The world; the object; an arm's root frame; a joint's frame, after its motion.
     kind: Literal["world", "object", "root", "joint"]
-    arm: int = -1
-    joint: int = -1
+    arm: int = -1  # number of the arm, −1 for world and object
+    joint: int = -1  # number of the arm's free joint, −1 for the root
 
     @property
     def static(self) -> bool:
@@ -50,15 +45,10 @@ def carriers_of(arms: Sequence[Arm]) -> tuple[Carrier, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Placements:
-    """Placements of all carriers in the world, in the order of `carriers_of`.
+    """Placements of all carriers in the world, in the order of `carriers_of`."""
 
-    Attributes:
-        rotations: R_world_carrier, shape (..., c, 3, 3).
-        positions: origins in the world, m, shape (..., c, 3).
-    """
-
-    rotations: Array
-    positions: Array
+    rotations: Array  # R_world_carrier, shape (..., c, 3, 3)
+    positions: Array  # origins in the world, m, shape (..., c, 3)
 
     def __getitem__(self, row: int) -> Placements:
         return Placements(self.rotations[row], self.positions[row])

@@ -12,35 +12,20 @@ from copose.collision.distance.bodies import Bodies
 from copose.collision.pairs import possible_pairs
 from copose.collision.shapes.primitives import Primitive
 from copose.collision.shapes.solids import LinkLook, LinkSolids, Part, Solid
-from copose.errors import InputError
+from copose.errors import blamed_on
 from copose.poses import Array, Indices, Mask, Pose
 from copose.problem import CapsuleShape, PlanarArm, Problem, Shape
 from copose.robots import Arm, finite_range
 
 
-@dataclass(frozen=True)
-class AlwaysNearOptions:
-    """Random postures by which pairs are found that cannot be kept apart."""
-
-    postures: int = 200  # in each of which a pair must be too near to be left out
-    seed: int = 20  # of the postures
-
-
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The solids of a problem and the pairs of them that may not touch.
+    """The solids of a problem and the pairs of them that may not touch."""
 
-    Attributes:
-        solids: links of arms and robots, object, obstacles.
-        pairs: the two solids of each tested pair, numbers in ``solids``, (p, 2).
-        notes: remarks on shapes, for the reader.
-        planar: whether it lies in a plane.
-    """
-
-    solids: tuple[Solid, ...]
-    pairs: Indices
-    notes: tuple[str, ...]
-    planar: bool
+    solids: tuple[Solid, ...]  # links of arms and robots, object, obstacles
+    pairs: Indices  # the two solids of each tested pair, numbers in ``solids``, (p, 2)
+    notes: tuple[str, ...]  # remarks on shapes, for the reader
+    planar: bool  # whether it lies in a plane
 
     @classmethod
     def of(cls, problem: Problem, arms: Sequence[Arm]) -> Scene:
@@ -49,14 +34,8 @@ class Scene:
         Raises:
             InputError: an arm has no shape, or its robot cannot be read.
         """
-        try:
-            return cls._of(problem, arms)
-        except InputError as error:
-            raise InputError(error.message, key=error.key, file=problem.source) from None
-
-    @classmethod
-    def _of(cls, problem: Problem, arms: Sequence[Arm]) -> Scene:
-        links = link_solids(problem, arms)
+        with blamed_on(problem.source):
+            links = link_solids(problem, arms)
         solids, notes = [*links.solids], [*links.notes]
         if problem.object.shape is None:
             notes.append(
@@ -74,7 +53,7 @@ class Scene:
         pairs = np.reshape(tested, (-1, 2)).astype(np.intp)
         planar, clearance = problem.space.planar, problem.constraints.clearance
         bodies = Bodies(solids, pairs, arms, clearance, planar=planar)
-        near = _always_near(bodies, _random_postures(problem, arms, AlwaysNearOptions()))
+        near = _always_near(bodies, _random_postures(problem, arms))
         return cls(tuple(solids), pairs[~near], tuple(notes), planar)
 
     def bodies(self, arms: Sequence[Arm], clearance: float) -> Bodies:
@@ -138,12 +117,12 @@ def primitive_of(shape: Shape | CapsuleShape) -> Primitive:
 
 
 def _random_postures(
-    problem: Problem, arms: Sequence[Arm], options: AlwaysNearOptions
+    problem: Problem, arms: Sequence[Arm], count: int = 200, seed: int = 20
 ) -> Iterator[Array]:
     """Configurations: joint positions drawn within limits, and free bases within their ranges."""
-    rng = np.random.default_rng(options.seed)
+    rng = np.random.default_rng(seed)
     ranges = [finite_range(arm.lower, arm.upper) for arm in arms]
-    for _ in range(options.postures):
+    for _ in range(count):
         bases = []
         for spec, arm in zip(problem.arms, arms, strict=True):
             free = spec.freedom.base.ranges

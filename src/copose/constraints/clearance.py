@@ -53,10 +53,7 @@ class Apart:
     def of(cls, bodies: Bodies, cuts: Sequence[Sequence[Witness]], fewest: int = 8) -> Apart | None:
         """Room for the witnesses of every posture; None where there are none.
 
-        Args:
-            bodies: that are kept apart.
-            cuts: by posture.
-            fewest: rows at least, so that few programs are built.
+        There are at least the ``fewest`` rows, so that few programs are built.
         """
         most, rows = max(map(len, cuts), default=0), fewest
         while rows < most:
@@ -122,15 +119,10 @@ def rows_of(bodies: Bodies, cuts: Sequence[Witness], x: Array) -> Array:
 def held_back(
     bodies: Bodies, cuts: Sequence[Witness], x: Array, touching: Sequence[Witness]
 ) -> bool:
-    """True where rows stop a program at a configuration, (size,), whose bodies do not.
-
-    Args:
-        bodies: what is measured.
-        cuts: witnesses whose rows it keeps.
-        x: where it has ended.
-        touching: witnesses there.
+    """True where rows stop a program at a configuration, (size,), whose bodies do not: rows of cuts
+    of which none is among the witnesses that touch there.
     """
-    touched = {each.pair for each in touching}
+    touched = {witness.pair for witness in touching}
     stop = rows_of(bodies, cuts, x) < bodies.clearance + 2 * SPARE
     return any(cut.pair not in touched for cut, stops in zip(cuts, stop, strict=True) if stops)
 
@@ -154,8 +146,8 @@ def in_the_way(
         every: whether there are no other configurations; all are measured then.
         measured: how many are, of many.
     """
-    some = x if every else x[:: max(1, -(-len(x) // measured))]
-    nearest = [near for near in (bodies.nearest(row, pairs) for row in some) if near is not None]
+    rows = x if every else x[:: max(1, -(-len(x) // measured))]
+    nearest = [near for near in (bodies.nearest(row, pairs) for row in rows) if near is not None]
     best = max(nearest, key=lambda near: near.distance)
     # Nearest misses that differ by less than 1e-6 m are one; shared by eight postures it depends
     # on no joint.

@@ -1,7 +1,7 @@
 """The interface of a constraint on postures, beside the closed chain and joint limits.
 
 Screening, judging, programs, acceptance and the notes of a result ask a constraint, and never
-which one it is. A constraint is one class and one entry of `constraint_table.CONSTRAINTS`.
+which one it is. A constraint is one class and one entry of `table.CONSTRAINTS`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class PostureConstraint(ABC):
     """A condition that a posture must keep."""
 
     name: ClassVar[str]
-    """Of the variables that it adds to a program."""
+    """Of the variables that it adds to a program, and in the reason where it allows no posture."""
     torque_limited: ClassVar[bool] = False
     """True where torque limits decide."""
     judged: ClassVar[bool] = True
@@ -66,9 +66,7 @@ class PostureConstraint(ABC):
     def term(self, system: System, capacity: CellDynamics | None) -> ConstraintTerm | None:
         """The term in every program; None where its rows are generated as programs need them.
 
-        Args:
-            system: the expressions.
-            capacity: equations of motion, where torque limits matter.
+        The equations of motion are given where torque limits matter.
         """
         return None
 

@@ -13,16 +13,11 @@ from copose.results import Knot, Motion, Posture, Solution
 
 @dataclass(frozen=True)
 class ExportedPosture:
-    """A posture of a result that is to be exported.
-
-    Attributes:
-        solution: the result.
-        posture: its ``after``, or that of a case.
-        problem: that was solved; None where it is read from the file that the result names.
-    """
+    """A posture of a result that is to be exported."""
 
     solution: Solution
-    posture: Posture
+    posture: Posture  # its ``after``, or that of a case
+    # That was solved; None where it is read from the file that the result names.
     problem: Problem | None
 
     @classmethod
@@ -44,11 +39,6 @@ class ExportedPosture:
 
 def problem_of(result: Solution | Motion, given: Problem | None, to: str) -> Problem:
     """The problem of a result: the one given, else that of the file which the result names.
-
-    Args:
-        result: whose.
-        given: one in its place.
-        to: the format that needs it.
 
     Raises:
         InputError: it cannot be read.

@@ -20,21 +20,14 @@ from copose.results import Motion, Solution, write_file
 
 @dataclass(frozen=True)
 class Format:
-    """The writers of postures and motions in one format.
+    """The writers of postures and motions in one format."""
 
-    Attributes:
-        posture_file: usual name of a posture's file.
-        posture: writes the text of a posture.
-        motion_file: usual name of a motion's file; empty where the format has no motions.
-        motion: writes the text of a motion, by the problem where that is needed.
-        planar: whether arms that have no robot file can be written.
-    """
-
-    posture_file: str
-    posture: Callable[[ExportedPosture], str]
-    motion_file: str = ""
+    posture_file: str  # usual name of a posture's file
+    posture: Callable[[ExportedPosture], str]  # writes the text of a posture
+    motion_file: str = ""  # usual name of a motion's file; empty where the format has no motions
+    # Writes the text of a motion, by the problem where that is needed.
     motion: Callable[[Motion, Problem | None], str] | None = None
-    planar: bool = False
+    planar: bool = False  # whether arms that have no robot file can be written
 
 
 def _alone(write: Callable[[Motion], str]) -> Callable[[Motion, Problem | None], str]:

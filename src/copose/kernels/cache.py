@@ -49,9 +49,9 @@ def compiler() -> list[str] | None:
     except ValueError:
         return None
     for name in [command[0]] if command else ["cc", "gcc", "clang"]:
-        found = shutil.which(name)
-        if found is not None:
-            return [found, *command[1:]]
+        program = shutil.which(name)
+        if program is not None:
+            return [program, *command[1:]]
     return None
 
 
@@ -190,15 +190,10 @@ def _remove(file: Path) -> None:
 
 @dataclass(frozen=True)
 class Code:
-    """The code that a kernel is compiled from.
+    """The code that a kernel is compiled from."""
 
-    Attributes:
-        text: in C.
-        sizes: numbers in x, p and y.
-    """
-
-    text: str
-    sizes: tuple[int, int, int]
+    text: str  # in C
+    sizes: tuple[int, int, int]  # numbers in x, p and y
 
 
 def fill(codes: Mapping[str, Callable[[], Code]], *, wait: bool) -> None:

@@ -85,10 +85,7 @@ class Meter:
     ) -> None:
         """Build the functions that evaluate a posture.
 
-        Args:
-            cell: whose postures are measured.
-            objective: what `objective_of` the cell is, if that is built already.
-            capacity: what torque limits allow, alike.
+        The objective and what torque limits allow may have been built already.
         """
         self._cell = cell
         self.objective = objective_of(cell) if objective is None else objective
@@ -152,12 +149,8 @@ class Meter:
     def measure(
         self, cell: Cell, joints: Sequence[Array], *, everything: bool = False
     ) -> Measurement:
-        """The ellipsoids, the closure and the skeletons of a posture, and what limits allow.
-
-        Args:
-            cell: with the object where it is.
-            joints: positions by arm, (n_i,) each.
-            everything: whether what the problem does not ask for is stated too.
+        """The ellipsoids, closure and skeletons of a posture, by arm (n_i,), and what limits allow;
+        with ``everything`` also what the problem does not ask for.
         """
         errors, records, notes = self._by_arm(cell, joints)
         ellipsoids: dict[str, Ellipsoid | None] = dict.fromkeys(RESOLUTIONS)

@@ -43,7 +43,7 @@ class Companions:
         velocity, scaled, averaged, force = (ellipsoid_of(factor) for factor in values[:4])
         K = len(cell.arms)
         internal = internal_force_factor(values[4 : 4 + K], values[4 + K :])
-        found = {
+        ellipsoids = {
             "closed-chain velocity": sliced(cell, velocity),
             "averaged velocity": sliced(cell, _polar(averaged)),
             "external force": sliced(cell, force),
@@ -52,11 +52,11 @@ class Companions:
         problem = cell.problem
         named = [np.array(problem.along(u))[None] for u in problem.objective.wanted]
         axes = np.vstack([np.eye(len(problem.axes)), *named])
-        records = {name: CompanionRecord.of_directions(e, axes) for name, e in found.items()}
+        records = {name: CompanionRecord.of_directions(e, axes) for name, e in ellipsoids.items()}
         if internal.shape[1]:
             directions = np.eye(internal.shape[1])
-            each = ellipsoid_of(internal)
-            records["internal force"] = CompanionRecord.of_directions(each, directions)
+            force = ellipsoid_of(internal)
+            records["internal force"] = CompanionRecord.of_directions(force, directions)
         return records
 
 

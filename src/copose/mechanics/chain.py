@@ -62,20 +62,13 @@ class Chain:
     """Frames of an arm at joint positions q, in its root frame.
 
     The root frame and not the world's: what is computed far from the origin loses digits.
-
-    Attributes:
-        arm: its model.
-        q: joint positions, (n,).
-        frames: joint frames after each joint's motion, root to tip.
-        axes: unit joint axes, (3,) each.
-        tip: tip frame.
     """
 
     arm: Arm
-    q: ca.SX
-    frames: tuple[Frame, ...]
-    axes: tuple[ca.SX, ...]
-    tip: Frame
+    q: ca.SX  # joint positions, (n,)
+    frames: tuple[Frame, ...]  # joint frames after each joint's motion, root to tip
+    axes: tuple[ca.SX, ...]  # unit joint axes, (3,) each
+    tip: Frame  # tip frame
 
     @classmethod
     def of(cls, arm: Arm, q: ca.SX) -> Chain:

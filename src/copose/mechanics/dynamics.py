@@ -60,11 +60,7 @@ def gravity_torques(chain: Chain, gravity: Array | ca.SX) -> ca.SX:
 
 
 def inverse_dynamics(
-    chain: Chain,
-    accelerations: ca.SX,
-    fall: ca.SX,
-    wrench: ca.SX,
-    rates: ca.SX | None = None,
+    chain: Chain, accelerations: ca.SX, fall: ca.SX, wrench: ca.SX, rates: ca.SX | None = None
 ) -> tuple[ca.SX, ca.SX]:
     """Torques M q̈ + C q̇ + g + Jᵀh, (n,), and tip acceleration J q̈ + J̇ q̇, (6,).
 

@@ -34,35 +34,24 @@ def object_parameters(pose: Pose, mass: float, inertia: ArrayLike) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class HeldObject:
-    """The held object as expressions of its parameters.
+    """The held object as expressions of its parameters."""
 
-    Attributes:
-        parameters: position (3), quaternion (4), mass (1), upper inertia (6).
-        position: centre of mass in the world.
-        rotation: R_world_object.
-        quaternion: the same.
-        mass: kg.
-        M_o: inertia in the task space, (m, m).
-        W: one block per contact, (m, m) each: wrench at contact i on the object's centre of mass.
-        balance: one block per contact, (b, m) each: the same with the moments that forces exert
-            about the centre of mass in the linear spaces too, see `Space.balance`.
-        W_pinv: a right inverse of [W_1 … W_K], one block per contact, (m, m) each: the distribution
-            of the object's wrench over the contacts.
-        inertia: 3×3 about the centre of mass, world axes.
-        contacts: r_i, from the centre of mass to contact i, world axes, (3,) each.
-    """
-
-    parameters: ca.SX
-    position: ca.SX
-    rotation: ca.SX
-    quaternion: ca.SX
-    mass: ca.SX
-    M_o: ca.SX
+    parameters: ca.SX  # position (3), quaternion (4), mass (1), upper inertia (6)
+    position: ca.SX  # centre of mass in the world
+    rotation: ca.SX  # R_world_object
+    quaternion: ca.SX  # the same
+    mass: ca.SX  # kg
+    M_o: ca.SX  # inertia in the task space, (m, m)
+    # One block per contact, (m, m) each: wrench at contact i on the object's centre of mass.
     W: tuple[ca.SX, ...]
+    # One block per contact, (b, m) each: the same with the moments that forces exert about the
+    # centre of mass in the linear spaces too, see `Space.balance`.
     balance: tuple[ca.SX, ...]
+    # A right inverse of [W_1 … W_K], one block per contact, (m, m) each: the distribution of the
+    # object's wrench over the contacts.
     W_pinv: tuple[ca.SX, ...]
-    inertia: ca.SX
-    contacts: tuple[ca.SX, ...]
+    inertia: ca.SX  # 3×3 about the centre of mass, world axes
+    contacts: tuple[ca.SX, ...]  # r_i, from the centre of mass to contact i, world axes, (3,) each
 
     @classmethod
     def held_at(

@@ -18,15 +18,10 @@ from copose.robots import Arm, finite_range
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """The target pose of a tip in the arm's root frame.
+    """The target pose of a tip in the arm's root frame."""
 
-    Attributes:
-        position: m, (3,).
-        quaternion: unit, [w, x, y, z].
-    """
-
-    position: ca.SX
-    quaternion: ca.SX
+    position: ca.SX  # m, (3,)
+    quaternion: ca.SX  # unit, [w, x, y, z]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,24 +64,15 @@ class ArmMechanics:
     """Kinematics and dynamics of one arm as expressions of its joint positions.
 
     They are in its root frame, so that arms of one model share them wherever they stand.
-
-    Attributes:
-        arm: the numbers.
-        space: the task space.
-        base: its root frame in the world.
-        q: joint positions, (n,).
-        chain: frames in the root frame.
-        J_root: task rows of the geometric Jacobian of the tip's origin, root axes, (m, n).
-        M: joint inertia, (n, n).
     """
 
-    arm: Arm
-    space: Space
-    base: Frame
-    q: ca.SX
-    chain: Chain
-    J_root: ca.SX
-    M: ca.SX
+    arm: Arm  # the numbers
+    space: Space  # the task space
+    base: Frame  # its root frame in the world
+    q: ca.SX  # joint positions, (n,)
+    chain: Chain  # frames in the root frame
+    J_root: ca.SX  # task rows of the geometric Jacobian of the tip's origin, root axes, (m, n)
+    M: ca.SX  # joint inertia, (n, n)
 
     @classmethod
     def of(cls, arm: Arm, space: Space, base: Frame | None = None) -> ArmMechanics:
@@ -206,23 +192,15 @@ class ArmMechanics:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """K arms and one object.
+    """K arms and one object."""
 
-    Attributes:
-        space: the task space.
-        arms: one arm's expressions each, in file order.
-        grasps: tip frames in the object frame, alike.
-        object: the object's.
-        gravity: acceleration of free fall, world axes, m/s², (3,).
-        parameters: the object's, see `object_parameters`; then position and quaternion of the base
-            of every arm that may be moved, and of every grasp that may, see `Arm.free`.
-    """
-
-    space: Space
-    arms: tuple[ArmMechanics, ...]
-    grasps: tuple[Frame, ...]
+    space: Space  # the task space
+    arms: tuple[ArmMechanics, ...]  # one arm's expressions each, in file order
+    grasps: tuple[Frame, ...]  # tip frames in the object frame, alike
     object: HeldObject
-    gravity: Array
+    gravity: Array  # acceleration of free fall, world axes, m/s², (3,)
+    # The object's, see `object_parameters`; then position and quaternion of the base of every arm
+    # that may be moved, and of every grasp that may, see `Arm.free`.
     parameters: ca.SX
 
     @classmethod

@@ -74,12 +74,8 @@ class Isotropy(EllipsoidMeasure):
 def _sharpened(stand_in: ca.SX, value: ca.SX, variables: ca.SX, zero: ca.SX, gram: ca.SX) -> Term:
     """The term of an objective with kinks, whose logarithm is maximised.
 
-    Args:
-        stand_in: an expression without kinks whose maximum is near.
-        value: the logarithm of the objective itself.
-        variables: that it takes.
-        zero: what must vanish then.
-        gram: G.
+    The stand-in has no kinks and a maximum near. The logarithm takes variables of which ``zero``
+    must vanish.
     """
     bounds = equality("bounds on the semi-axes", zero, "1")
     sharp = Term(value, ca.exp(value), variables, (bounds,), gram=gram)

@@ -96,6 +96,11 @@ class Objective(ABC):
         """An objective over some sums."""
         self.kind, self.unit, self.sums, self.scales = kind, unit, sums, tuple(scales)
 
+    @property
+    def smooth(self) -> bool:
+        """True where `score` is the objective itself."""
+        return self.summable and not self.non_smooth
+
     # Values of many postures.
 
     @abstractmethod

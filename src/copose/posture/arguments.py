@@ -115,5 +115,5 @@ def warm_placement(cell: Cell, warm: Warm) -> Placed:
             raise InputError("has no posture: its after is null", key="warm")
         names = [case.name for case in problem.cases] or [""]
         xs = [freedom.stated(problem, warm, "after", name) for name in names]
-    q = [np.concatenate(cell.given(each)) for each in joints]
+    q = [np.concatenate(cell.given(by_arm)) for by_arm in joints]
     return Placed(tuple(xs), tuple(q), -np.inf)

@@ -44,7 +44,8 @@ def evaluate(
         A solution with the posture as ``after``; ``infeasible`` where it is open or breaks a limit.
 
     Raises:
-        InputError: an arm has no start, or ``joints`` do not fit the arms.
+        InputError: an arm has no start, ``joints`` do not fit the arms, or the problem has both
+            cases and freedom.
     """
     with watched(progress):
         return _evaluated(problem, joints)
@@ -56,6 +57,12 @@ def _evaluated(
     began = time.perf_counter()
     stage("building")
     cell, freedom = Cell.of(problem), Freedom.of(problem)
+    if len(freedom) and problem.cases:
+        raise InputError(
+            "and freedom ask for several postures; evaluate takes one: leave out either",
+            key="cases",
+            file=problem.source,
+        )
     x = freedom.nominal
     if isinstance(joints, Solution):
         if joints.cases is not None:
@@ -103,17 +110,11 @@ def stated(
     notes: tuple[str, ...] = (),
     free: tuple[Array, ...] | None = None,
 ) -> Solution:
-    """The result of a given posture: ``infeasible`` where it is open or breaks a limit.
+    """The result of a given posture, by arm (n_i,): ``infeasible`` where it is open or breaks a
+    limit.
 
-    Args:
-        cell: the arms, with the object where it is.
-        objective: what is measured.
-        q: the posture, by arm (n_i,).
-        measured: its measures.
-        timing: seconds spent.
-        links: outlines of the arms' links.
-        notes: beside those on the cell and on the posture.
-        free: free coordinates, (d,), of the one case; None where nothing is said of them.
+    Notes stand beside those on the cell and on the posture. Of free coordinates, (d,), of the one
+    case nothing is said where they are None.
     """
     fault = next(faults(cell, q, measured), None)
     after = MeasuredCases((MeasuredCase(measured),), free)
@@ -146,13 +147,9 @@ def _starts(cell: Cell) -> list[Array]:
 def faults(
     cell: Cell, q: Sequence[Array], measured: Measurement, tolerance: float = 1e-6
 ) -> Iterator[str]:
-    """Limits that a posture breaks and grasps that it misses, a sentence each.
+    """Limits that a posture, by arm (n_i,), breaks and grasps that it misses, a sentence each.
 
-    Args:
-        cell: the arms.
-        q: the posture, by arm (n_i,).
-        measured: its measures.
-        tolerance: m or rad, by which it may.
+    Up to the tolerance, m or rad, it may.
     """
     for arm, positions in zip(cell.arms, q, strict=True):
         for joint, position in zip(arm.joints, positions, strict=True):

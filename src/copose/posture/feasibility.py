@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
@@ -13,16 +14,11 @@ from copose.poses import Array, Mask
 from copose.posture.optimum import LocalOptimum
 
 
+@dataclass(frozen=True, eq=False)
 class Feasibility:
-    """Tests of stacked postures, (count, N), against constraints.
+    """Tests of stacked postures, (count, N), against constraints, in the order of these."""
 
-    Attributes:
-        constraints: in the order in which they are asked.
-    """
-
-    def __init__(self, constraints: Sequence[PostureConstraint]) -> None:
-        """Tests of some constraints."""
-        self.constraints = tuple(constraints)
+    constraints: tuple[PostureConstraint, ...]
 
     @property
     def judged(self) -> bool:

@@ -23,7 +23,7 @@ from copose.measurement.collision import noted, overlap_notes, with_collision
 from copose.measurement.meter import Measurement, Measures, Meter, closure_errors
 from copose.objectives.build import objective_of
 from copose.objectives.objective import Objective
-from copose.poses import Array, Mask
+from copose.poses import Array
 from copose.posture.feasibility import Feasibility
 from copose.posture.score import Score
 from copose.posture.setting import Setting
@@ -48,11 +48,9 @@ class PostureModel:
     """
 
     def __init__(self, cell: Cell, objective: Objective | None = None) -> None:
-        """Build what a search needs; the posture program follows when it is asked for.
+        """Build what a search needs, with an objective in place of the problem's if one is given.
 
-        Args:
-            cell: what is searched.
-            objective: in place of the problem's.
+        The posture program follows when it is asked for.
         """
         self.cell = cell
         self.objective: Objective = objective_of(cell) if objective is None else objective
@@ -82,26 +80,6 @@ class PostureModel:
             self._placer.kernel,
             *(() if self.capacity is None else self.capacity.kernels),
         )
-
-    @property
-    def static(self) -> bool:
-        """True where arms at rest must hold the object within their torque limits."""
-        return self.cell.problem.constraints.static_torque
-
-    @property
-    def newton(self) -> bool:
-        """True where Newton steps climb the score."""
-        return self.objective.summable
-
-    @property
-    def smooth(self) -> bool:
-        """True where the score is then the objective itself."""
-        return self.objective.summable and not self.objective.non_smooth
-
-    @property
-    def dear(self) -> bool:
-        """True where a climb takes many programs."""
-        return self.objective.costly
 
     @cached_property
     def scene(self) -> Scene:
@@ -200,9 +178,8 @@ class PostureModel:
 
     def _sums(self, ties: Sequence[Array], q: Sequence[Array]) -> Array:
         """Sums of the arms' terms, (count, s), of postures by arm, (count, n_i)."""
-        return np.asarray(
-            sum(arm.terms(mine, tie) for arm, mine, tie in zip(self.arms, q, ties, strict=True))
-        )
+        arms = zip(self.arms, q, ties, strict=True)
+        return np.asarray(sum(arm.terms(q_i, tie) for arm, q_i, tie in arms))
 
     def _grams(self, given: Array, sums: Array) -> Array:
         """G of sums, (count, s), as it is optimised, (count, a, a)."""
@@ -219,12 +196,9 @@ class PostureModel:
     ) -> Polisher:
         """An active-set method that climbs the score in a setting.
 
-        Args:
-            setting: where the object is.
-            only: an arm that moves alone.
-            rest: what the others then add to the sums, (s,).
+        One arm may move alone; ``rest`` is what the others then add to the sums, (s,).
         """
-        place, crews = setting.placement, []
+        place, groups = setting.placement, []
         every = range(len(self.arms)) if only is None else [only]
         edges = np.cumsum([0] + [self.arms[i].n for i in every])
         moving = [i for i in every if not setting.cell.arms[i].fixed]
@@ -234,19 +208,19 @@ class PostureModel:
                 start = np.asarray(setting.cell.arms[i].start)[None]
                 rest = rest + self.arms[i].terms(start, place.ties[i])[0]
         for kernels_ in dict.fromkeys(self.arms[i] for i in moving):
-            mates = [(i, edge) for i, edge in zip(moving, edges, strict=True)
+            members = [(i, edge) for i, edge in zip(moving, edges, strict=True)
                      if self.arms[i] is kernels_]  # fmt: skip
-            crews.append(
+            groups.append(
                 ArmGroup(
                     kernels=kernels_,
-                    columns=np.array([edge + np.arange(kernels_.n) for _, edge in mates]),
-                    goals=np.array([place.goals[i] for i, _ in mates]),
-                    ties=np.array([place.ties[i] for i, _ in mates]),
-                    lower=np.array([setting.lower[i] for i, _ in mates]),
-                    upper=np.array([setting.upper[i] for i, _ in mates]),
+                    columns=np.array([edge + np.arange(kernels_.n) for _, edge in members]),
+                    goals=np.array([place.goals[i] for i, _ in members]),
+                    ties=np.array([place.ties[i] for i, _ in members]),
+                    lower=np.array([setting.lower[i] for i, _ in members]),
+                    upper=np.array([setting.upper[i] for i, _ in members]),
                 )
             )
-        return Polisher(crews, self.score, setting.given, rest)
+        return Polisher(groups, self.score, setting.given, rest)
 
     def terms(self, setting: Setting, i: int, q: Array) -> Array:
         """Terms of arm i in the sums by which postures are compared, (count, s), at (count, n)."""
@@ -265,18 +239,6 @@ class PostureModel:
     def split(self, q: Array) -> list[Array]:
         """Stacked postures, (count, N), arm by arm."""
         return self.cell.system.split(q)
-
-    def held(self, setting: Setting, q: Array) -> Mask:
-        """A mask of postures, see `Feasibility.held`."""
-        return self.feasibility.held(setting, q)
-
-    def clear(self, setting: Setting, q: Array) -> Mask:
-        """A mask of postures, see `Feasibility.clear`."""
-        return self.feasibility.clear(setting, q)
-
-    def allowed(self, setting: Setting, q: Array) -> Mask:
-        """A mask of postures, see `Feasibility.allowed`."""
-        return self.feasibility.allowed(setting, q)
 
     @cached_property
     def links(self) -> tuple[LinkRecord, ...]:
@@ -311,14 +273,13 @@ class PostureModel:
         """Measured values of postures, by arm (count, n_i)."""
         space = setting.cell.system.space
         errors = {}
-        for i, (arm, kernels_, mine) in enumerate(
-            zip(setting.cell.arms, self.arms, q, strict=True)
-        ):
-            gaps = kernels_.gap(mine, setting.placement.goals[i])
+        arms = zip(setting.cell.arms, self.arms, q, setting.placement.goals, strict=True)
+        for arm, kernels_, q_i, goal in arms:
+            gaps = kernels_.gap(q_i, goal)
             errors[arm.name] = closure_errors(gaps[:, list(space.linear)], gaps[:, 3:], space.rigid)
         values, grams = setting.objective.values_and_grams(setting, q)
         shares = [constraint.shares(setting, q) for constraint in self.feasibility.constraints]
-        share = next((each for each in shares if each is not None), None)
+        share = next((share for share in shares if share is not None), None)
         return Measures(values, grams, errors, share)
 
 

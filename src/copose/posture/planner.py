@@ -32,7 +32,7 @@ from copose.posture.landscape.objective_map import Landscape, landscape
 from copose.posture.local.local_end import LocalEnd, local_solve
 from copose.posture.model import PostureModel
 from copose.posture.placement.run import PlacedRun
-from copose.posture.reachable.components import rails_of
+from copose.posture.reachable.components import manifold_of
 from copose.posture.run.run import Run
 from copose.posture.search.effort import Effort, EffortName
 from copose.posture.setting import Setting
@@ -397,12 +397,14 @@ class Planner:
         spare, shape = setting.cell.spare(i), (setting.cell.spare(i), setting.cell.arms[i].n)
         if not 0 <= direction < spare:
             raise InputError(f"arm {arm!r} has {max(spare, 0)} directions", key="direction")
-        rails = rails_of(self._model, setting, [i])
-        here = held_postures(self._model, setting, q)[i]
+        manifold = manifold_of(self._model, setting, [i])
+        posture = held_postures(self._model, setting, q)[i]
         before = None if basis is None else np.asarray(basis, dtype=float)
         if before is not None and before.shape != shape:
             raise InputError(f"an array of shape {shape} is needed", key="basis")
-        return null_motion(rails, here, direction, amount, null_basis(rails, here, before))
+        return null_motion(
+            manifold, posture, direction, amount, null_basis(manifold, posture, before)
+        )
 
     def _posture_of(
         self, joints: Mapping[str, ArrayLike], problem: Problem | None

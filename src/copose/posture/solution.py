@@ -82,29 +82,17 @@ def solution_of(
     reachable: bool | None = None,
     links: tuple[LinkRecord, ...] = (),
 ) -> Solution:
-    """The result of measured postures.
+    """The result of measured postures; ``miss`` is the nearest where none holds the object.
 
-    Args:
-        cell: the arms, with the object where it is.
-        objective: what is maximised.
-        status: whether there is an answer.
-        timing: seconds spent.
-        reason: why there is none.
-        notes: beside those on the cell and on the postures.
-        before: where the arms were.
-        after: the answer.
-        miss: the nearest posture where none holds the object.
-        search: evidence.
-        reachable: whether the arms can move from ``before`` to ``after``.
-        links: outlines of the arms' links.
+    Notes stand beside those on the cell and on the postures.
     """
     notes = (*standing_notes(cell), *notes)
     for when, postures in (("before", before), ("after", after)):
-        each = [] if postures is None else [case.measured for case in postures.cases]
-        own = [note for measured in each for note in measured.notes]
+        measured = [] if postures is None else [case.measured for case in postures.cases]
+        own = [note for measurement in measured for note in measurement.notes]
         notes += tuple(f"{when}: {note}" for note in dict.fromkeys(own))
         if when == "after":
-            notes += extreme_notes(cell, [measured.extremes for measured in each])
+            notes += extreme_notes(cell, [measurement.extremes for measurement in measured])
     return Solution(
         copose=__version__,
         problem=ProblemRecord.of(cell.problem, links),
@@ -194,8 +182,8 @@ def _freedom(
     ):
         for j, case in enumerate(cases if c.arm is None else [""]):
             ends = [
-                None if each is None or each.free is None else float(each.free[j][k])
-                for each in (before, after)
+                None if postures is None or postures.free is None else float(postures.free[j][k])
+                for postures in (before, after)
             ]
             records.append(
                 FreeRecord(

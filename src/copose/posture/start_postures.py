@@ -17,7 +17,7 @@ def starts(cell: Cell) -> tuple[ArmStart, ...]:
     """Every arm at its start; where the problem gives none, in the first posture in which the seed
     closes it, else in the nearest miss of many.
     """
-    found = []
+    states = []
     objective = objective_of(cell)
     goals = KernelInputsBuilder(cell.system, objective.sums, objective.scales)(
         cell.parameters
@@ -29,7 +29,7 @@ def starts(cell: Cell) -> tuple[ArmStart, ...]:
             if arm.fingerprint not in kernels:
                 kernels[arm.fingerprint] = ArmKernels.of(cell.system.arms[i], objective.sums)
             q = _drawn(cell, kernels[arm.fingerprint], i, goals[i])
-        found.append(
+        states.append(
             ArmStart(
                 arm=arm,
                 joints=q,
@@ -38,7 +38,7 @@ def starts(cell: Cell) -> tuple[ArmStart, ...]:
                 given=arm.start is not None,
             )
         )
-    return tuple(found)
+    return tuple(states)
 
 
 def _drawn(cell: Cell, kernels: ArmKernels, i: int, goal: Array) -> Array:

@@ -19,7 +19,7 @@ def displaced(problem: Problem, offsets: Mapping[str, float]) -> Problem:
 
 def case_problems(problem: Problem) -> tuple[Problem, ...]:
     """One problem for every case: its pose, its mass with inertia in proportion, its direction."""
-    found = []
+    problems = []
     for case in problem.cases:
         thing, objective = problem.object, problem.objective
         given = ("position", "angle" if problem.space.planar else "rpy")
@@ -32,8 +32,8 @@ def case_problems(problem: Problem) -> tuple[Problem, ...]:
         if case.direction is not None:
             objective = objective.along(case.direction)
         update = {"object": thing.model_copy(update=update), "objective": objective}
-        found.append(changed(problem, update))
-    return tuple(found)
+        problems.append(changed(problem, update))
+    return tuple(problems)
 
 
 def held(problem: Problem, case: str = "") -> Problem:

@@ -11,16 +11,11 @@ from copose.results import Posture, Solution
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two results of one cell, or of the same arms under two objectives.
+    """Two results of one cell, or of the same arms under two objectives."""
 
-    Attributes:
-        names: what the two are called.
-        solutions: the two.
-        postures: the ``after`` of each; null where a result has cases.
-    """
-
-    names: tuple[str, str]
+    names: tuple[str, str]  # what the two are called
     solutions: tuple[Solution, Solution]
+    # The ``after`` of each; null where a result has cases.
     postures: tuple[Posture | None, Posture | None]
 
     @property
@@ -44,10 +39,10 @@ def compare(one: Solution, other: Solution, names: tuple[str, str] = ("A", "B"))
     for solution, name in ((one, names[0]), (other, names[1])):
         if solution.after is None and not solution.cases:
             raise InputError("has no posture: null", key="after", file=name)
-    for key, mine, theirs in (
+    for key, first, second in (
         ("problem.space", one.problem.space, other.problem.space),
         ("joint_names", one.joint_names, other.joint_names),
     ):
-        if mine != theirs:
+        if first != second:
             raise InputError(f"is not that of {names[0]}", key=key, file=names[1])
     return Comparison(names, (one, other), (one.after, other.after))

@@ -25,12 +25,7 @@ class JointCurves:
 
     @classmethod
     def of(cls, motion: Motion, arm: str) -> JointCurves:
-        """The curves of an arm.
-
-        Args:
-            motion: with knots.
-            arm: its name.
-        """
+        """The curves of an arm."""
         assert motion.knots is not None
         q = np.array([knot.joints[arm] for knot in motion.knots])
         limits = motion.limits[arm]
@@ -60,17 +55,17 @@ class JointCurves:
         return "share of range" + ("" if all(self.bounded) else "; dashed: turns")
 
 
-def spread(wanted: Array, apart: float) -> Array:
+def spread(numbers: Array, apart: float) -> Array:
     """The numbers at least some distance apart that are nearest to given ones, Σ (x − w)² → min.
 
     Args:
-        wanted: the given numbers w, increasing, (n,).
+        numbers: the given numbers w, increasing, (n,).
         apart: the distance.
     """
-    offsets = apart * np.arange(len(wanted))
+    offsets = apart * np.arange(len(numbers))
     # Without the distances it is a regression that only may rise: merge what falls.
     groups: list[list[float]] = []
-    for value in wanted - offsets:
+    for value in numbers - offsets:
         groups.append([value])
         while len(groups) > 1 and np.mean(groups[-2]) > np.mean(groups[-1]):
             last = groups.pop()

@@ -12,19 +12,12 @@ from copose.results import Knot, Motion
 
 @dataclass(frozen=True, eq=False)
 class LimitShare:
-    """The largest share of one kind of limit that joints use, along time.
+    """The largest share of one kind of limit that joints use, along time."""
 
-    Attributes:
-        kind: speed, acceleration or torque.
-        time: s, (k,).
-        values: the largest over the joints, NaN where it is unknown, (k,).
-        joints: the joints that use it, ``arm/joint``.
-    """
-
-    kind: str
-    time: Array
-    values: Array
-    joints: tuple[str, ...]
+    kind: str  # speed, acceleration or torque
+    time: Array  # s, (k,)
+    values: Array  # the largest over the joints, NaN where it is unknown, (k,)
+    joints: tuple[str, ...]  # the joints that use it, ``arm/joint``
 
     @property
     def largest(self) -> tuple[float, str, float]:

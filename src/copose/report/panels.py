@@ -23,38 +23,23 @@ class Drawn(Protocol):
 
 @dataclass(frozen=True)
 class Panel:
-    """One posture of a picture.
-
-    Attributes:
-        name: its title.
-        posture: the posture.
-        solution: the result that it is of.
-        other: a panel whose ellipsoid is drawn as an outline over this one's.
-        note: a remark on it.
-        misses: whether the arms miss their grasps in it.
-    """
+    """One posture of a picture."""
 
     name: str
     posture: Posture
-    solution: Solution
-    other: Panel | None = None
-    note: str = ""
-    misses: bool = False
+    solution: Solution  # the result that it is of
+    other: Panel | None = None  # a panel whose ellipsoid is drawn as an outline over this one's
+    note: str = ""  # a remark on it
+    misses: bool = False  # whether the arms miss their grasps in it
 
 
 @dataclass(frozen=True)
 class Row:
-    """Postures of one time, or of one result.
-
-    Attributes:
-        name: its title.
-        panels: one for each case.
-        note: a remark on them.
-    """
+    """Postures of one time, or of one result."""
 
     name: str
-    panels: list[Panel]
-    note: str = ""
+    panels: list[Panel]  # one for each case
+    note: str = ""  # a remark on them
 
 
 def result_panels(solution: Solution) -> list[Panel]:

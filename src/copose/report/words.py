@@ -14,20 +14,13 @@ Answer: TypeAlias = Solution | Motion
 
 @dataclass(frozen=True)
 class ObjectiveWords:
-    """Words for one kind of objective.
+    """Words for one kind of objective."""
 
-    Attributes:
-        value: name of its value.
-        gain: name of the quantity whose ratio a gain is; ``{content}`` stands for length, area or
-            volume.
-        stated: name of the number beside an ellipsoid that is the objective itself, if any.
-        limited: whether torque limits decide the value.
-    """
-
-    value: str
+    value: str  # name of its value
+    # Name of the quantity whose ratio a gain is; ``{content}`` stands for length, area or volume.
     gain: str
-    stated: str = ""
-    limited: bool = False
+    stated: str = ""  # name of the number beside an ellipsoid that is the objective itself, if any
+    limited: bool = False  # whether torque limits decide the value
 
 
 OBJECTIVES = {
@@ -152,9 +145,6 @@ def result_heading(solution: Solution) -> str:
 def motion_heading(motion: Motion) -> str:
     """The heading of a motion's picture: the problem's name and the gain over least-norm tracking,
     or the value where there is no gain.
-
-    Args:
-        motion: with knots.
     """
     name, objective = short(motion.problem.name, 60), motion.objective
     gained = gain_between(motion, objective.before, objective.after)

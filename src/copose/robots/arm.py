@@ -49,33 +49,20 @@ def joint_motion(kind: str, axis: Array, position: float) -> Pose:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint of one degree of freedom and the body it moves.
+    """A joint of one degree of freedom and the body it moves."""
 
-    Attributes:
-        name: as in the robot's file; ``joint1``, ``joint2``, … for a planar arm.
-        kind: revolute (rad) or prismatic (m).
-        axis: unit axis in the joint's frame.
-        placement: joint frame at zero in the frame of the joint before it (the first: in the root).
-        body: everything rigidly attached, in the joint's frame.
-        lower: lowest position, −inf where there is none.
-        upper: highest position, inf where there is none.
-        velocity: speed limit, inf where there is none.
-        acceleration: limit of its acceleration, inf where there is none.
-        effort: torque or force limit, inf where there is none.
-        armature: reflected rotor inertia, added to M's diagonal.
-    """
-
-    name: str
-    kind: Literal["revolute", "prismatic"]
-    axis: Array
+    name: str  # as in the robot's file; ``joint1``, ``joint2``, … for a planar arm
+    kind: Literal["revolute", "prismatic"]  # revolute (rad) or prismatic (m)
+    axis: Array  # unit axis in the joint's frame
+    # Joint frame at zero in the frame of the joint before it (the first: in the root).
     placement: Pose
-    body: Body
-    lower: float = -np.inf
-    upper: float = np.inf
-    velocity: float = np.inf
-    acceleration: float = np.inf
-    effort: float = np.inf
-    armature: float = 0.0
+    body: Body  # everything rigidly attached, in the joint's frame
+    lower: float = -np.inf  # lowest position, −inf where there is none
+    upper: float = np.inf  # highest position, inf where there is none
+    velocity: float = np.inf  # speed limit, inf where there is none
+    acceleration: float = np.inf  # limit of its acceleration, inf where there is none
+    effort: float = np.inf  # torque or force limit, inf where there is none
+    armature: float = 0.0  # reflected rotor inertia, added to M's diagonal
 
     def at(self, position: float) -> Pose:
         """T_before_joint at a position, rad or m."""
@@ -94,52 +81,30 @@ class LockedJoint:
 
 @dataclass(frozen=True)
 class Oddity:
-    """An implausible number in a robot's file.
-
-    Attributes:
-        about: the quantity.
-        text: a sentence that names the link or the joint.
-    """
+    """An implausible number in a robot's file."""
 
     about: Literal["inertia", "effort", "speed"]
-    text: str
+    text: str  # a sentence that names the link or the joint
 
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """A serial chain on a fixed base, and how it holds the object.
+    """A serial chain on a fixed base, and how it holds the object."""
 
-    Attributes:
-        name: as in the problem file.
-        model: where the numbers come from, for the reader: a robot's file name, ``planar links``.
-        joints: the free joints, root to tip.
-        base: T_world_root.
-        tip: tip frame in the last joint's frame.
-        grasp: T_object_tip.
-        start: joint positions before, or None.
-        locked: movable joints held still, on the chain or carried by it.
-        geared: whether the rotors' inertia is known.
-        free: which of ``base`` and ``grasp`` may be moved.
-        fixed: whether it is held at its start.
-        weightless: why the inertia of its links is not known, if it is not.
-        notes: remarks on what is read otherwise than its file says.
-        oddities: implausible numbers in its file.
-    """
-
-    name: str
-    model: str
-    joints: tuple[Joint, ...]
-    base: Pose
-    tip: Pose
-    grasp: Pose
-    start: Array | None = None
-    locked: tuple[LockedJoint, ...] = ()
-    geared: bool = True
-    free: tuple[str, ...] = ()
-    fixed: bool = False
-    weightless: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    oddities: tuple[Oddity, ...] = ()
+    name: str  # as in the problem file
+    model: str  # where the numbers come from, for the reader: a robot's file name, ``planar links``
+    joints: tuple[Joint, ...]  # the free joints, root to tip
+    base: Pose  # T_world_root
+    tip: Pose  # tip frame in the last joint's frame
+    grasp: Pose  # T_object_tip
+    start: Array | None = None  # joint positions before, or None
+    locked: tuple[LockedJoint, ...] = ()  # movable joints held still, on the chain or carried by it
+    geared: bool = True  # whether the rotors' inertia is known
+    free: tuple[str, ...] = ()  # which of ``base`` and ``grasp`` may be moved
+    fixed: bool = False  # whether it is held at its start
+    weightless: tuple[str, ...] = ()  # why the inertia of its links is not known, if it is not
+    notes: tuple[str, ...] = ()  # remarks on what is read otherwise than its file says
+    oddities: tuple[Oddity, ...] = ()  # implausible numbers in its file
 
     @property
     def n(self) -> int:

@@ -14,21 +14,13 @@ from copose.robots.arm import Arm
 
 @dataclass(frozen=True, eq=False)
 class ArmStart:
-    """An arm at its start, and the distance of its tip from its grasp there.
-
-    Attributes:
-        arm: the arm.
-        joints: positions, rad or m, (n,).
-        object: T_world_object.
-        rigid: whether the grasp's orientation counts.
-        given: whether the joints are the problem's; else they come from the seed.
-    """
+    """An arm at its start, and the distance of its tip from its grasp there."""
 
     arm: Arm
-    joints: Array
-    object: Pose
-    rigid: bool
-    given: bool
+    joints: Array  # positions, rad or m, (n,)
+    object: Pose  # T_world_object
+    rigid: bool  # whether the grasp's orientation counts
+    given: bool  # whether the joints are the problem's; else they come from the seed
 
     @cached_property
     def frames(self) -> tuple[Pose, ...]:

@@ -70,24 +70,15 @@ def robot_arm(spec: RobotArm, robot: Robot, key: str, *, weighed: bool) -> tuple
 
 @dataclass(frozen=True, eq=False)
 class _Chain:
-    """The joints of an arm and the links that they move.
+    """The joints of an arm and the links that they move."""
 
-    Attributes:
-        spec: the ``[[arms]]`` table.
-        tree: the robot.
-        root: the first link.
-        joints: from the root to the tip.
-        free: those of them that the arm moves.
-        standing: positions of the other movable joints of the robot.
-        placed: of each link the free joint that moves it and its pose there, see `Tree.placed`.
-    """
-
-    spec: RobotArm
+    spec: RobotArm  # the ``[[arms]]`` table
     tree: Tree
-    root: str
-    joints: Sequence[TreeJoint]
-    free: Sequence[TreeJoint]
-    standing: Standing
+    root: str  # the first link
+    joints: Sequence[TreeJoint]  # from the root to the tip
+    free: Sequence[TreeJoint]  # those of them that the arm moves
+    standing: Standing  # positions of the other movable joints of the robot
+    # Of each link the free joint that moves it and its pose there, see `Tree.placed`.
     placed: Mapping[str, tuple[str | None, Pose]]
 
     @classmethod

@@ -36,22 +36,15 @@ class PlausibilityOptions:
 
 @dataclass(frozen=True, eq=False)
 class _Inertial:
-    """A link's inertial beside its size.
-
-    Attributes:
-        link: its name.
-        mass: kg.
-        moments: principal ones, ascending, kg·m², (3,).
-        size: diagonal of the box round what is known of the link, or its distance from the link
-            that it hangs on, m.
-        bounded: whether that is all of it: it has shapes, and none is a mesh.
-    """
+    """A link's inertial beside its size."""
 
     link: str
-    mass: float
-    moments: Array
+    mass: float  # kg
+    moments: Array  # principal ones, ascending, kg·m², (3,)
+    # Diagonal of the box round what is known of the link, or its distance from the link that it
+    # hangs on, m.
     size: float
-    bounded: bool
+    bounded: bool  # whether that is all of it: it has shapes, and none is a mesh
 
     @property
     def gyration(self) -> float:

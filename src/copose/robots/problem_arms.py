@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from copose.errors import InputError, arm_key
+from copose.errors import InputError, arm_key, blamed_on
 from copose.problem import PlanarArm, Problem, RobotArm
 from copose.robots.arm import Arm
 from copose.robots.chain_arm import robot_arm
@@ -18,17 +18,11 @@ from copose.robots.robot_on_base import RobotOnBase
 
 @dataclass(frozen=True, eq=False)
 class WholeRobot:
-    """A robot with all arms that are parts of it.
+    """A robot with all arms that are parts of it."""
 
-    Attributes:
-        tree: its links and joints.
-        arms: in the order of the problem.
-        locked: joints that any of the arms' tables holds, rad or m.
-    """
-
-    tree: Tree
-    arms: tuple[Arm, ...]
-    locked: Mapping[str, float]
+    tree: Tree  # its links and joints
+    arms: tuple[Arm, ...]  # in the order of the problem
+    locked: Mapping[str, float]  # joints that any of the arms' tables holds, rad or m
 
     def positions(self, joints: Mapping[str, Sequence[float]]) -> dict[str, float]:
         """Positions of all movable joints of the robot, rad or m, by those of its arms."""
@@ -47,7 +41,7 @@ def load_arms(problem: Problem) -> tuple[Arm, ...]:
         InputError: a robot cannot be read, has fewer free joints than the task needs, a margin
             that eats a joint's range, or two arms that do not move independently.
     """
-    try:
+    with blamed_on(problem.source):
         planar = [spec for spec in problem.arms if isinstance(spec, PlanarArm)]
         if planar:
             arms = [planar_arm(spec, arm_key(i, spec.name)) for i, spec in enumerate(planar)]
@@ -55,8 +49,6 @@ def load_arms(problem: Problem) -> tuple[Arm, ...]:
             arms = [part.arm for part in _parts(problem)]
         for i, arm in enumerate(arms):
             _check(arm, problem, arm_key(i, arm.name))
-    except InputError as error:
-        raise InputError(error.message, key=error.key, file=problem.source) from None
     return tuple(arms)
 
 
@@ -67,10 +59,8 @@ def whole_robots(problem: Problem) -> tuple[WholeRobot, ...]:
         InputError: a robot cannot be read, or two arms do not move independently.
     """
     teams: list[list[_Part]] = []
-    try:
+    with blamed_on(problem.source):
         parts = _parts(problem)
-    except InputError as error:
-        raise InputError(error.message, key=error.key, file=problem.source) from None
     for part in parts:
         team = next((team for team in teams if team[0].whole.same(part.whole)), None)
         if team is None:

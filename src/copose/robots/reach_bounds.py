@@ -27,17 +27,11 @@ def levers(arm: Arm) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """A point fixed to links of an arm.
+    """A point fixed to links of an arm."""
 
-    Attributes:
-        place: in the root frame with all joints at zero, m, (3,).
-        first: number of the first link that it is fixed to, the root being link 0.
-        last: of the last; a point on a revolute axis is fixed to both links that meet there.
-    """
-
-    place: Array
-    first: int
-    last: int
+    place: Array  # in the root frame with all joints at zero, m, (3,)
+    first: int  # number of the first link that it is fixed to, the root being link 0
+    last: int  # of the last; a point on a revolute axis is fixed to both links that meet there
 
 
 @dataclass(frozen=True, eq=False)

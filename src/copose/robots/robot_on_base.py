@@ -14,27 +14,17 @@ from copose.poses import Pose
 
 @dataclass(frozen=True, eq=False)
 class RobotOnBase:
-    """The robot that an arm is part of, on its base.
+    """The robot that an arm is part of, on its base."""
 
-    Attributes:
-        source: its file, with the arguments of xacro.
-        origin: T_world_universe of the whole robot.
-        hangs_on: the movable joints above the tip, from its root link: the position of a locked
-            one, rad or m, and None where the arm moves it.
-    """
-
-    source: object
-    origin: Pose
+    source: object  # its file, with the arguments of xacro
+    origin: Pose  # T_world_universe of the whole robot
+    # The movable joints above the tip, from its root link: the position of a locked one, rad or m,
+    # and None where the arm moves it.
     hangs_on: Mapping[str, float | None]
 
     def same(self, other: RobotOnBase) -> bool:
         """True for two arms that are parts of one robot: one file at one base."""
-        return self.source == other.source and np.allclose(
-            np.column_stack([self.origin.rotation, self.origin.position]),
-            np.column_stack([other.origin.rotation, other.origin.position]),
-            rtol=0,
-            atol=1e-9,
-        )
+        return self.source == other.source and coincide(self.origin, other.origin)
 
     def clash(self, other: RobotOnBase) -> str | None:
         """The reason why the two arms do not move independently; None where they do."""
@@ -64,6 +54,12 @@ class RobotOnBase:
                     "at one"
                 )
         return None
+
+
+def coincide(one: Pose, other: Pose) -> bool:
+    """True for poses that are equal to 1e-9, in m and in the entries of rotations."""
+    first, second = (np.column_stack([pose.rotation, pose.position]) for pose in (one, other))
+    return np.allclose(first, second, rtol=0, atol=1e-9)
 
 
 def _toml_key(name: str) -> str:

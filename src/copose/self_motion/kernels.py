@@ -30,26 +30,19 @@ class ClosingOptions:
 
 @dataclass(frozen=True, eq=False)
 class ArmKernels:
-    """Kernels of joint positions q, (n,), in the order of rows of a batch.
-
-    Attributes:
-        steps: of one call of `closing`.
-        closing: of (q, lower, upper) and a goal: q after these steps, and the norm of the residual
-            there, (n + 1,).
-        closure: of q and a goal: residual, (m,), and its derivative row by row, (m·n,).
-        gap: of q and a goal: position error, (3,), and quaternion of the angle error, (4,).
-        terms: of q and a tie: what the arm adds to the sums, (s,).
-        local: of (q, weights), a goal and a tie: the terms, the derivative of the closure row
-            by row, and ∇_q of weightsᵀ terms, (s + m·n + n,).
-    """
+    """Kernels of joint positions q, (n,), in the order of rows of a batch."""
 
     m: int
     n: int
-    steps: int
+    steps: int  # of one call of `closing`
+    # Of (q, lower, upper) and a goal: q after these steps, and the norm of the residual there, (n +
+    # 1,).
     closing: Kernel
-    closure: Kernel
-    gap: Kernel
-    terms: Kernel
+    closure: Kernel  # of q and a goal: residual, (m,), and its derivative row by row, (m·n,)
+    gap: Kernel  # of q and a goal: position error, (3,), and quaternion of the angle error, (4,)
+    terms: Kernel  # of q and a tie: what the arm adds to the sums, (s,)
+    # Of (q, weights), a goal and a tie: the terms, the derivative of the closure row by row, and
+    # ∇_q of weightsᵀ terms, (s + m·n + n,).
     local: Kernel
 
     @classmethod
@@ -140,17 +133,12 @@ def _damped_step(residual: ca.SX, J: ca.SX, options: ClosingOptions) -> ca.SX:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Parameters of the kernels for one placement of the object.
+    """Parameters of the kernels for one placement of the object."""
 
-    Attributes:
-        goals: by arm, tip position and quaternion in its root frame, (7,).
-        ties: by arm, the parts of its coupling that enter the sums, and its torque scale.
-        inertia: upper triangle of M_o.
-    """
-
-    goals: tuple[Array, ...]
+    goals: tuple[Array, ...]  # by arm, tip position and quaternion in its root frame, (7,)
+    # By arm, the parts of its coupling that enter the sums, and its torque scale.
     ties: tuple[Array, ...]
-    inertia: Array
+    inertia: Array  # upper triangle of M_o
 
 
 class KernelInputsBuilder:
@@ -167,10 +155,7 @@ class KernelInputsBuilder:
         parts = [upper_triangle(system.object.M_o)]
         for i in range(len(system.arms)):
             goal, coupling = system.goal(i), system.coupling(i)
-            parts += [
-                ca.vertcat(goal.position, goal.quaternion),
-                coupling.stacked(sums.uses),
-            ]
+            parts += [ca.vertcat(goal.position, goal.quaternion), coupling.stacked(sums.uses)]
         self._scales = scales
         self._edges = np.cumsum([part.numel() for part in parts])[:-1]
         self.kernel = Kernel(system.parameters, ca.SX(0, 1), ca.vertcat(*parts))

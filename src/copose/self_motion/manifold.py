@@ -16,20 +16,13 @@ from copose.self_motion.kernels import ArmKernels
 
 @dataclass(frozen=True, eq=False)
 class ClosureManifold:
-    """Closed postures within limits of k arms of one model.
+    """Closed postures within limits of k arms of one model."""
 
-    Attributes:
-        kernels: of the model.
-        goals: of the tips, see `Placement`, (k, 7).
-        lower: joint limits, (k, n); ``upper`` alike.
-        unlimited: joints that are the same after a turn, (k, n).
-    """
-
-    kernels: ArmKernels
-    goals: Array
-    lower: Array
+    kernels: ArmKernels  # of the model
+    goals: Array  # of the tips, see `Placement`, (k, 7)
+    lower: Array  # joint limits, (k, n); ``upper`` alike
     upper: Array
-    unlimited: Mask
+    unlimited: Mask  # joints that are the same after a turn, (k, n)
 
     @property
     def spare(self) -> int:

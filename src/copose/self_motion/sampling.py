@@ -38,41 +38,24 @@ class SamplingOptions:
 
 @dataclass(frozen=True, eq=False)
 class ArmSample:
-    """Postures of one arm that hold the object.
+    """Postures of one arm that hold the object."""
 
-    Attributes:
-        closed: within limits, (count, n); the first is that which the seed gives.
-        neighbours: indices of those next to each, (count, k).
-        tried: random postures that were projected.
-        branches: self-motions found, None where they were not told apart.
-        missed: where no posture closes, local minima of the gap within limits, nearest first.
-        proved: whether none can, for links are too short, or too long.
-    """
-
-    closed: Array
-    neighbours: Indices
-    tried: int
-    branches: int | None
-    missed: Array
-    proved: bool = False
+    closed: Array  # within limits, (count, n); the first is that which the seed gives
+    neighbours: Indices  # indices of those next to each, (count, k)
+    tried: int  # random postures that were projected
+    branches: int | None  # self-motions found, None where they were not told apart
+    missed: Array  # where no posture closes, local minima of the gap within limits, nearest first
+    proved: bool = False  # whether none can, for links are too short, or too long
 
 
 @dataclass(frozen=True, eq=False)
 class ArmSampler:
-    """Sampler of the self-motions of arm i of a cell.
+    """Sampler of the self-motions of arm i of a cell."""
 
-    Attributes:
-        cell: with the object where it is.
-        kernels: of the arm.
-        i: its number.
-        goal: of its tip, see `Placement`.
-        options: of sampling.
-    """
-
-    cell: Cell
-    kernels: ArmKernels
-    i: int
-    goal: Array
+    cell: Cell  # with the object where it is
+    kernels: ArmKernels  # of the arm
+    i: int  # its number
+    goal: Array  # of its tip, see `Placement`
     options: SamplingOptions = SamplingOptions()
 
     def sample(

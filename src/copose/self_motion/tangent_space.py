@@ -11,23 +11,15 @@ from copose.poses import Array, Mask
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """Tangent spaces of the closed postures of arms, with multipliers of closure and limits.
+    """Tangent spaces of the closed postures of arms, with multipliers of closure and limits."""
 
-    Attributes:
-        J: derivative of the closure, (count, m, n).
-        slope: gradient of the objective, (count, n).
-        held: joints held at a limit, (count, n).
-        basis: orthonormal rows, zero where limits leave fewer, (count, n − m, n).
-        forces: multipliers of the closure, (count, m).
-        left: slope − Jᵀ forces, (count, n): the multipliers of held joints, and of the others the
-            slope that is left along the tangent space.
-    """
-
-    J: Array
-    slope: Array
-    held: Mask
-    basis: Array
-    forces: Array
+    J: Array  # derivative of the closure, (count, m, n)
+    slope: Array  # gradient of the objective, (count, n)
+    held: Mask  # joints held at a limit, (count, n)
+    basis: Array  # orthonormal rows, zero where limits leave fewer, (count, n − m, n)
+    forces: Array  # multipliers of the closure, (count, m)
+    # Slope − Jᵀ forces, (count, n): the multipliers of held joints, and of the others the slope
+    # that is left along the tangent space.
     left: Array
 
     @classmethod

@@ -50,23 +50,15 @@ class ChainOptions:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """An arm of a robot's tree.
-
-    Attributes:
-        tree: the robot's.
-        root: the link that it stands on; its own root but where a joint that cannot be used is
-            above.
-        tip: the link that grasps.
-        why: how the tip was found.
-        joints: free ones, root to tip.
-        locked: joints above the tip that are held, with the position, rad or m, and why.
-    """
+    """An arm of a robot's tree."""
 
     tree: Tree
+    # The link that it stands on; its own root but where a joint that cannot be used is above.
     root: str
-    tip: str
-    why: str
-    joints: tuple[TreeJoint, ...]
+    tip: str  # the link that grasps
+    why: str  # how the tip was found
+    joints: tuple[TreeJoint, ...]  # free ones, root to tip
+    # Joints above the tip that are held, with the position, rad or m, and why.
     locked: tuple[tuple[TreeJoint, float, str], ...]
 
     @cached_property
@@ -92,13 +84,7 @@ def _says(side: str, *names: str) -> bool:
 def find_chains(
     tree: Tree, named: Collection[str] = (), options: ChainOptions = ChainOptions()
 ) -> list[Chain]:
-    """The arms of a robot, in file order, without legs, heads, fingers and wheels.
-
-    Args:
-        tree: the robot's.
-        named: links that an SRDF calls tips.
-        options: sizes and words.
-    """
+    """The arms of a robot, in file order, without legs, heads, fingers and wheels."""
     branches = _Branches(tree, options)
     ends = branches.ends
     shared = {

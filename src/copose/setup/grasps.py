@@ -29,16 +29,11 @@ class GraspOptions:
 
 @dataclass(frozen=True, eq=False)
 class Holding:
-    """The placement of an object and the grasps of all arms on it.
+    """The placement of an object and the grasps of all arms on it."""
 
-    Attributes:
-        object: T_world_object.
-        grasps: T_object_tip by arm.
-        starts: joints by arm, (n,); None of an arm that does not come to its grasp.
-    """
-
-    object: Pose
-    grasps: tuple[Pose, ...]
+    object: Pose  # T_world_object
+    grasps: tuple[Pose, ...]  # T_object_tip by arm
+    # Joints by arm, (n,); None of an arm that does not come to its grasp.
     starts: tuple[Array | None, ...]
 
 

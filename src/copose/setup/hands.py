@@ -14,17 +14,11 @@ from copose.robots.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class Hand:
-    """The approach axis and the reach of a hand.
+    """The approach axis and the reach of a hand."""
 
-    Attributes:
-        axis: of the tip's frame, (3,): one of ±x, ±y, ±z.
-        reach: from the tip to the ends of the fingers along it, m.
-        guess: whether nothing said so.
-    """
-
-    axis: Array
-    reach: float
-    guess: bool
+    axis: Array  # of the tip's frame, (3,): one of ±x, ±y, ±z
+    reach: float  # from the tip to the ends of the fingers along it, m
+    guess: bool  # whether nothing said so
 
     @property
     def name(self) -> str:

@@ -25,17 +25,11 @@ class LayoutOptions:
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """The reach of an arm in its robot's root frame.
+    """The reach of an arm in its robot's root frame."""
 
-    Attributes:
-        shoulder: origin of its first joint, m, (3,).
-        length: largest distance of the tip from there, m.
-        mean: mean displacement of the tip from there, m, (3,).
-    """
-
-    shoulder: Array
-    length: float
-    mean: Array
+    shoulder: Array  # origin of its first joint, m, (3,)
+    length: float  # largest distance of the tip from there, m
+    mean: Array  # mean displacement of the tip from there, m, (3,)
 
     @classmethod
     def of(cls, arm: Arm, postures: int = 200) -> Reach:
@@ -50,29 +44,19 @@ class Reach:
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A place of the object, and the sides from which arms approach it.
+    """A place of the object, and the sides from which arms approach it."""
 
-    Attributes:
-        position: of the object, m, (3,).
-        sides: by arm, the direction from the object to the side that the arm takes.
-        leans: by arm, the direction on that side in which it stays off its middle; zero of one
-            that has it for itself.
-    """
-
-    position: Array
-    sides: tuple[Array, ...]
+    position: Array  # of the object, m, (3,)
+    sides: tuple[Array, ...]  # by arm, the direction from the object to the side that the arm takes
+    # By arm, the direction on that side in which it stays off its middle; zero of one that has it
+    # for itself.
     leans: tuple[Array, ...]
 
 
 def bases(
     reaches: Sequence[Sequence[Reach]], options: LayoutOptions = LayoutOptions()
 ) -> list[Pose]:
-    """Bases by robot: the first at the origin, all of them facing the middle between them.
-
-    Args:
-        reaches: of the robots' arms, by robot.
-        options: distances.
-    """
+    """Bases by robot: the first at the origin, all of them facing the middle between them."""
     if len(reaches) == 1:
         return [Pose.from_rpy()]
     middle = np.array([_distance(reaches[0], options), 0.0, 0.0])
@@ -122,13 +106,7 @@ def places(
     reaches: Sequence[Sequence[Reach]],
     options: LayoutOptions = LayoutOptions(),
 ) -> list[list[Place]]:
-    """Places of the object in groups, each for arms that close nowhere in the group before.
-
-    Args:
-        stands: T_world_root by robot.
-        reaches: of its arms, by robot.
-        options: distances.
-    """
+    """Places of the object in groups, each for arms that close nowhere in the group before."""
     shoulders = [
         [stand.rotation @ reach.shoulder + stand.position for reach in arm_reaches]
         for stand, arm_reaches in zip(stands, reaches, strict=True)

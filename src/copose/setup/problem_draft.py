@@ -33,17 +33,11 @@ from copose.setup.robot_entries import NamedArm, RobotEntry, named_arms
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """A first problem file.
-
-    Attributes:
-        text: its content.
-        guesses: what was guessed, in words.
-        starts: the arms where the file has them, or as near as they come.
-    """
+    """A first problem file."""
 
     text: str
-    guesses: tuple[str, ...]
-    starts: tuple[ArmStart, ...]
+    guesses: tuple[str, ...]  # what was guessed, in words
+    starts: tuple[ArmStart, ...]  # the arms where the file has them, or as near as they come
 
 
 def default_name(robots: Sequence[str]) -> str:

@@ -49,15 +49,10 @@ def _key(key: str) -> str:
 
 @dataclass
 class ProblemText:
-    """A problem file that grows line by line.
+    """A problem file that grows line by line."""
 
-    Attributes:
-        lines: so far.
-        guesses: what was guessed, in words, in order.
-    """
-
-    lines: list[str] = field(default_factory=list)
-    guesses: list[str] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)  # so far
+    guesses: list[str] = field(default_factory=list)  # what was guessed, in words, in order
     _arm: str = ""
 
     def remark(self, *lines: str) -> None:

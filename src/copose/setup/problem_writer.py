@@ -29,21 +29,13 @@ class BoxOptions:
 
 @dataclass(frozen=True, eq=False)
 class Wishes:
-    """Parts of a problem that a command line gives and that are not guessed.
+    """Parts of a problem that a command line gives and that are not guessed."""
 
-    Attributes:
-        tips: ``link`` or ``name=link``.
-        joints: by arm.
-        mass: of the object, kg.
-        size: of the box that it is, m.
-        space: of the task.
-    """
-
-    tips: Sequence[str] = ()
-    joints: Mapping[str, Sequence[float]] | None = None
-    mass: float | None = None
-    size: Sequence[float] | None = None
-    space: str | None = None
+    tips: Sequence[str] = ()  # ``link`` or ``name=link``
+    joints: Mapping[str, Sequence[float]] | None = None  # by arm
+    mass: float | None = None  # of the object, kg
+    size: Sequence[float] | None = None  # of the box that it is, m
+    space: str | None = None  # of the task
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +67,7 @@ class Writer:
         text.table("[object]")
         self._object(text, wishes, size, shortest, taught)
         for i in range(len(self.arms)):
-            self._arm(text, i, size, taught)
+            self._arm(text, i, taught)
         text.table("[objective]")
         kind = "velocity-volume" if cell.weightless else "volume"
         guess = "the robots' inertials are missing" if cell.weightless else ""
@@ -83,7 +75,6 @@ class Writer:
         return text
 
     def _task(self, text: ProblemText, cell: Cell, asked: str | None) -> None:
-        """Write the table of the task."""
         space = cell.problem.task.space
         guess = (
             "an arm has fewer than 6 joints, so the grasps are ball joints"
@@ -100,7 +91,6 @@ class Writer:
     def _object(
         self, text: ProblemText, wishes: Wishes, size: Array, shortest: float, taught: bool
     ) -> None:
-        """Write the table of the object."""
         mass, guess, box = wishes.mass, "", BoxOptions()
         if mass is None:
             mass = box.mass if shortest > box.long_reach else box.light_mass
@@ -117,8 +107,7 @@ class Writer:
         shape = {"kind": "box", "size": [number(edge) for edge in size]}
         text.put("shape", shape, guess, "its edges; it is drawn, and tested for collision")
 
-    def _arm(self, text: ProblemText, i: int, size: Array, taught: bool) -> None:
-        """Write the table of arm i."""
+    def _arm(self, text: ProblemText, i: int, taught: bool) -> None:
         arm, hand = self.arms[i], self.hands[i]
         chain, q = self.chains[i], self.holding.starts[i]
         text.table("[[arms]]", arm.name)

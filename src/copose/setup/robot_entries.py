@@ -18,16 +18,10 @@ from copose.setup.srdf import srdf_tips
 
 @dataclass(frozen=True, eq=False)
 class NamedArm:
-    """An arm of one of the robots.
+    """An arm of one of the robots."""
 
-    Attributes:
-        name: in the problem.
-        robot: which of the robots it is part of.
-        chain: its joints.
-    """
-
-    name: str
-    robot: int
+    name: str  # in the problem
+    robot: int  # which of the robots it is part of
     chain: Chain
 
     @property
@@ -38,21 +32,13 @@ class NamedArm:
 
 @dataclass(frozen=True, eq=False)
 class RobotEntry:
-    """A robot that a command line names.
+    """A robot that a command line names."""
 
-    Attributes:
-        key: that names it in the problem file, ``urdf`` or ``mjcf``.
-        place: as the problem file names it.
-        stem: its file's name.
-        robot: the robot that it describes.
-        named: links that an SRDF next to it calls tips.
-    """
-
-    key: str
-    place: str
-    stem: str
-    robot: Robot
-    named: frozenset[str]
+    key: str  # that names it in the problem file, ``urdf`` or ``mjcf``
+    place: str  # as the problem file names it
+    stem: str  # its file's name
+    robot: Robot  # the robot that it describes
+    named: frozenset[str]  # links that an SRDF next to it calls tips
 
     @classmethod
     def of(cls, entry: str, folder: Path) -> RobotEntry:

@@ -15,11 +15,6 @@ def srdf_tips(urdf: Path, robot: str, most_bytes: int = 5_000_000) -> frozenset[
 
     SRDFs are looked for next to the URDF, and in a folder ``srdf`` next to its own. Files that
     cannot be read count as empty.
-
-    Args:
-        urdf: the robot's file.
-        robot: its name in the file.
-        most_bytes: of a file that is read.
     """
     tips: set[str] = set()
     for file in sorted([*urdf.parent.glob("*.srdf"), *urdf.parent.parent.glob("srdf/*.srdf")]):

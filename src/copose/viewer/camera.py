@@ -33,19 +33,12 @@ class CameraOptions:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """An eye in the world.
+    """An eye in the world."""
 
-    Attributes:
-        position: of the eye, m, (3,).
-        target: the point that it looks at, m, (3,).
-        up: the direction that is up in the picture, (3,).
-        angle: that the picture shows from its lower to its upper edge, rad.
-    """
-
-    position: Array
-    target: Array
-    up: Array
-    angle: float
+    position: Array  # of the eye, m, (3,)
+    target: Array  # the point that it looks at, m, (3,)
+    up: Array  # the direction that is up in the picture, (3,)
+    angle: float  # that the picture shows from its lower to its upper edge, rad
 
     @property
     def axes(self) -> Array:

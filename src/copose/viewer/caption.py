@@ -40,16 +40,10 @@ def caption_html(
     slices: Slices,
     look: CaptionLook = CaptionLook(),
 ) -> str:
-    """The caption in a corner of a page: its title, the objective, and a legend of the colours.
-
-    Args:
-        result: what is shown.
-        shown: its postures.
-        slices: the ellipsoids as they are drawn.
-        look: styles.
-    """
+    """The caption in a corner of a page: its title, the objective, and a legend of the colours."""
     moves = isinstance(result, Motion)
-    lines = [f'<div style="font-weight:600;font-size:15px">{_title(result)}</div>']
+    title = html.escape(short(result.problem.name, 60))
+    lines = [f'<div style="font-weight:600;font-size:15px">{title}</div>']
     words = _value(result, shown)
     if words:
         lines.append(f"<div>{html.escape(words)}</div>")
@@ -63,10 +57,6 @@ def caption_html(
         lines.append(look.entry(LOOK.before, "where it begins" if moves else "before"))
     place = look.block.format(look.playing if moves else look.still)
     return f'<div id="copose-caption" style="{place}">{"".join(lines)}</div>'
-
-
-def _title(result: Solution | Motion) -> str:
-    return html.escape(short(result.problem.name, 60))
 
 
 def _value(result: Solution | Motion, shown: Sequence[Posture]) -> str:

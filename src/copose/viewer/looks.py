@@ -29,21 +29,13 @@ class SkeletonLook:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """The surface of a link.
+    """The surface of a link."""
 
-    Attributes:
-        name: of the link.
-        carrier: the frame that moves it: a joint's after its motion, or an arm's root.
-        vertices: corners in that frame, m, (v, 3) of float32.
-        faces: corners of each triangle by number, (f, 3) of uint32.
-        shared: whether several arms stand on it.
-    """
-
-    name: str
-    carrier: Carrier
-    vertices: np.ndarray
-    faces: np.ndarray
-    shared: bool = False
+    name: str  # of the link
+    carrier: Carrier  # the frame that moves it: a joint's after its motion, or an arm's root
+    vertices: np.ndarray  # corners in that frame, m, (v, 3) of float32
+    faces: np.ndarray  # corners of each triangle by number, (f, 3) of uint32
+    shared: bool = False  # whether several arms stand on it
 
 
 def link_looks(problem: Problem, arms: Sequence[Arm]) -> tuple[Look, ...]:

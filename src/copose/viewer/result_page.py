@@ -61,7 +61,7 @@ def page_html(
     with _server() as server:
         scene = CellScene(server.scene, problem, arms, looks)
         # Ellipsoids of a whole motion are drawn at one scale: that of the longest.
-        scene.fit(max(shown, key=_longest))
+        scene.fit(max(shown, key=lambda posture: (posture.ellipsoid.radii or (0.0,))[0]))
         scene.camera(shown[0]).place(server.initial_camera)
         scene.show(shown[0])
         scene.show_before(_before(result, shown[0]))
@@ -124,16 +124,8 @@ def _before(result: Solution | Motion, shown: Posture) -> Posture | None:
     return result.before
 
 
-def _longest(posture: Posture) -> float:
-    return (posture.ellipsoid.radii or (0.0,))[0]
-
-
 def _check(
-    result: Solution | Motion,
-    problem: Problem,
-    arms: Sequence[Arm],
-    posture: Posture,
-    same: float,
+    result: Solution | Motion, problem: Problem, arms: Sequence[Arm], posture: Posture, same: float
 ) -> None:
     """Refuse a problem that is not the result's."""
     if {arm.name: arm.joint_names for arm in arms} != result.joint_names:

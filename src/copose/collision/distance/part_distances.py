@@ -23,19 +23,12 @@ class DistanceOptions:
 
 
 class PartGap(NamedTuple):
-    """The distance of two parts and where it is taken.
+    """The distance of two parts and where it is taken."""
 
-    Attributes:
-        distance: m; where they overlap −(the depth of their hulls).
-        a: the point of the one in the world, (3,).
-        b: the point of the other in the world, (3,).
-        normal: unit, from the one to the other, (3,).
-    """
-
-    distance: float
-    a: Array
-    b: Array
-    normal: Array
+    distance: float  # m; where they overlap −(the depth of their hulls)
+    a: Array  # the point of the one in the world, (3,)
+    b: Array  # the point of the other in the world, (3,)
+    normal: Array  # unit, from the one to the other, (3,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,13 +37,9 @@ class PartDistances:
 
     coal's functors are made anew for each query: what one was asked before changes the last digits
     of its answers.
-
-    Attributes:
-        clearance: kept by parts, m.
-        options: accuracy.
     """
 
-    clearance: float
+    clearance: float  # kept by parts, m
     options: DistanceOptions = DistanceOptions()
 
     def hull_distance(self, one: PlacedPart, other: PlacedPart, places: PartPoses) -> float:

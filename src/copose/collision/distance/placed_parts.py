@@ -16,17 +16,11 @@ from copose.poses import Array, Pose
 
 @dataclass(frozen=True, eq=False)
 class PlacedPart:
-    """A part of a solid, in the frame of the solid's carrier.
-
-    Attributes:
-        shape: its shape.
-        pose: the shape's frame in the carrier's.
-        carrier: number of the carrier.
-    """
+    """A part of a solid, in the frame of the solid's carrier."""
 
     shape: Shape
-    pose: Pose
-    carrier: int
+    pose: Pose  # the shape's frame in the carrier's
+    carrier: int  # number of the carrier
 
     @property
     def hull(self) -> tuple[Array, float]:

@@ -11,15 +11,10 @@ from copose.poses import Array, Indices
 
 
 class Segments(NamedTuple):
-    """Segments by one end of each and the vector from there to the other end.
+    """Segments by one end of each and the vector from there to the other end."""
 
-    Attributes:
-        begin: one end, m, (..., 3).
-        along: from there to the other end, m, (..., 3).
-    """
-
-    begin: Array
-    along: Array
+    begin: Array  # one end, m, (..., 3)
+    along: Array  # from there to the other end, m, (..., 3)
 
     def of(self, which: Indices) -> Segments:
         """Segments, some of every configuration, (..., k, 3)."""

@@ -23,33 +23,19 @@ class TwoArmsOptions:
 
 @dataclass(frozen=True, eq=False)
 class TwoArms:
-    """Pairs of solids of two arms, in all postures of each.
+    """Pairs of solids of two arms, in all postures of each."""
 
-    Attributes:
-        i: the first arm.
-        j: the other.
-        centres: of balls round the first arm's solids, m, (count, p, 3).
-        others: of balls round the other's, m, (count', p, 3).
-        squares: squared distances of centres at which the clearance is kept, m², (p,).
-        segments: of the first arm's round solids, as the centres.
-        other_segments: of the other's.
-        round: which pairs are of round solids, (p,).
-        least: distances of their segments at which they keep the clearance, m, (p,).
-        unsure: how near to these distances nothing is decided, m.
-        options: sizes of what is tested together.
-    """
-
-    i: int
-    j: int
-    centres: Array
-    others: Array
-    squares: Array
-    segments: Segments
-    other_segments: Segments
-    round: Mask
-    least: Array
-    unsure: float
-    options: TwoArmsOptions = TwoArmsOptions()
+    i: int  # the first arm
+    j: int  # the other
+    centres: Array  # of balls round the first arm's solids, m, (count, p, 3)
+    others: Array  # of balls round the other's, m, (count', p, 3)
+    squares: Array  # squared distances of centres at which the clearance is kept, m², (p,)
+    segments: Segments  # of the first arm's round solids, as the centres
+    other_segments: Segments  # of the other's
+    round: Mask  # which pairs are of round solids, (p,)
+    least: Array  # distances of their segments at which they keep the clearance, m, (p,)
+    unsure: float  # how near to these distances nothing is decided, m
+    options: TwoArmsOptions = TwoArmsOptions()  # sizes of what is tested together
 
     def verdicts(self, chosen: Indices) -> tuple[Mask, Mask]:
         """The combinations of all arms, (count, K), that are undecided, and those that are too
@@ -105,8 +91,7 @@ class TwoArms:
         pairs, which = np.nonzero(close & self.round[:, None])
         if len(pairs):
             missing = self.least[pairs] - segment_distances(
-                self.segments.at(rows[which], pairs),
-                self.other_segments.at(columns[which], pairs),
+                self.segments.at(rows[which], pairs), self.other_segments.at(columns[which], pairs)
             )
             close[pairs, which] = missing > -self.unsure
             hit[which[missing > self.unsure]] = True

@@ -16,18 +16,12 @@ Looks: TypeAlias = dict[str, tuple[tuple[Part, ...], ...]]
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """The shapes of a robot's links.
+    """The shapes of a robot's links."""
 
-    Attributes:
-        parts: by link, placed in its frame; of some links none.
-        faults: of each link whose shape cannot be read, the reason.
-        notes: what stands in for shapes, and what is left out.
-        missing: of each package that was not found, where it was looked for; among the notes too.
-    """
-
-    parts: Mapping[str, tuple[Part, ...]]
-    faults: dict[str, str]
-    notes: list[str]
+    parts: Mapping[str, tuple[Part, ...]]  # by link, placed in its frame; of some links none
+    faults: dict[str, str]  # of each link whose shape cannot be read, the reason
+    notes: list[str]  # what stands in for shapes, and what is left out
+    # Of each package that was not found, where it was looked for; among the notes too.
     missing: tuple[str, ...] = ()
 
 

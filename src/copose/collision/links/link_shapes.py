@@ -14,21 +14,14 @@ from copose.robots.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class LinkShapes:
-    """The shapes of a robot's links.
+    """The shapes of a robot's links."""
 
-    Attributes:
-        parts: of the links that have any, placed in the link's frame.
-        faults: of each link whose shape cannot be read, the reason.
-        notes: what stands in for shapes, and what is left out.
-        missing: of each package that was not found, where it was looked for; among the notes too.
-        large: a note on the links that are larger than any robot's, if there are any.
-    """
-
-    parts: dict[str, tuple[Part, ...]]
-    faults: dict[str, str]
-    notes: tuple[str, ...]
+    parts: dict[str, tuple[Part, ...]]  # of the links that have any, placed in the link's frame
+    faults: dict[str, str]  # of each link whose shape cannot be read, the reason
+    notes: tuple[str, ...]  # what stands in for shapes, and what is left out
+    # Of each package that was not found, where it was looked for; among the notes too.
     missing: tuple[str, ...]
-    large: tuple[str, ...]
+    large: tuple[str, ...]  # a note on the links that are larger than any robot's, if there are any
 
     @classmethod
     def of(cls, robot: Robot, *, measured: bool = False, most: float = 10.0) -> LinkShapes:

@@ -7,43 +7,33 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from copose.collision.carriers import Carrier
 from copose.collision.links.ignored_pairs import ignored_links
 from copose.collision.links.link_formats import LINK_FORMATS
 from copose.collision.links.link_shapes import LinkShapes
 from copose.collision.shapes.solids import LinkLook, LinkSolids, Solid
 from copose.errors import InputError, arm_key, together
-from copose.poses import Array, Pose
+from copose.poses import Pose
 from copose.problem import Problem, RobotArm
 from copose.robots import Arm
 from copose.robots.chain_arm import joint_faults
 from copose.robots.files.tree import Tree
 from copose.robots.robot import Robot, RobotsRead, read_robot
+from copose.robots.robot_on_base import coincide
 
 
 @dataclass(frozen=True, eq=False)
 class _Member:
-    """An arm as part of its robot.
+    """An arm as part of its robot."""
 
-    Attributes:
-        number: which arm of the problem.
-        arm: the arm.
-        kind: key of its robot's file.
-        locked: its joints that are held still, as in the problem.
-        root: its root link.
-        links: of each link the joint that moves it and its pose, see `Tree.placed`.
-        origin: T_world_universe.
-    """
-
-    number: int
+    number: int  # which arm of the problem
     arm: Arm
-    kind: str
-    locked: Mapping[str, float]
-    root: str
+    kind: str  # key of its robot's file
+    locked: Mapping[str, float]  # its joints that are held still, as in the problem
+    root: str  # its root link
+    # Of each link the joint that moves it and its pose, see `Tree.placed`.
     links: Mapping[str, tuple[str | None, Pose]]
-    origin: Pose
+    origin: Pose  # T_world_universe
 
     @classmethod
     def of(cls, number: int, spec: RobotArm, arm: Arm, tree: Tree) -> _Member:
@@ -56,15 +46,10 @@ class _Member:
 
 @dataclass(frozen=True, eq=False)
 class _Team:
-    """The arms of one robot: one file at one base.
+    """The arms of one robot: one file at one base."""
 
-    Attributes:
-        robot: its file, read.
-        members: its arms, in file order.
-    """
-
-    robot: Robot
-    members: list[_Member]
+    robot: Robot  # its file, read
+    members: list[_Member]  # its arms, in file order
 
     @property
     def tree(self) -> Tree:
@@ -73,9 +58,7 @@ class _Team:
 
     def takes(self, tree: Tree, member: _Member) -> bool:
         """True for an arm of this robot."""
-        return self.tree.source == tree.source and bool(
-            np.allclose(_rows(self.members[0].origin), _rows(member.origin), rtol=0, atol=1e-9)
-        )
+        return self.tree.source == tree.source and coincide(self.members[0].origin, member.origin)
 
     def places(self, links: Collection[str]) -> dict[str, tuple[str, Carrier, Pose]]:
         """The arm's name, the carrier and the pose in the carrier's frame of some links; static
@@ -253,7 +236,3 @@ def _anchor(tree: Tree, link: str) -> str:
     while link in tree.joints and tree.joints[link].kind == "fixed":
         link = tree.joints[link].parent
     return link
-
-
-def _rows(pose: Pose) -> Array:
-    return np.column_stack([pose.rotation, pose.position])

@@ -75,20 +75,13 @@ def urdf_looks(robot: Robot) -> Looks:
 
 @dataclass(frozen=True, eq=False)
 class _Reader:
-    """A reader of elements of one URDF, which reads every mesh file once.
-
-    Attributes:
-        file: the URDF.
-        packages: folders of packages by name.
-        mesh: makes the surface of a mesh file at a scale.
-        meshes: those made.
-        missing: of each package that was not found, where it was looked for.
-    """
+    """A reader of elements of one URDF, which reads every mesh file once."""
 
     file: Path
-    packages: Mapping[str, Path]
-    mesh: Callable[[Path, tuple[float, ...]], Mesh]
-    meshes: dict[tuple[Path, tuple[float, ...]], Mesh] = field(default_factory=dict)
+    packages: Mapping[str, Path]  # folders of packages by name
+    mesh: Callable[[Path, tuple[float, ...]], Mesh]  # makes the surface of a mesh file at a scale
+    meshes: dict[tuple[Path, tuple[float, ...]], Mesh] = field(default_factory=dict)  # those made
+    # Of each package that was not found, where it was looked for.
     missing: set[str] = field(default_factory=set)
 
     def read(self, link: ET.Element, tag: str) -> tuple[tuple[Part, ...], str]:

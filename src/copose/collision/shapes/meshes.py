@@ -25,17 +25,11 @@ class HullOptions:
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A surface of triangles, as coal has read it.
+    """A surface of triangles, as coal has read it."""
 
-    Attributes:
-        coal: the surface with its tree of bounding volumes.
-        options: when its hull stands in for it.
-        kind: tells it from primitives.
-    """
-
-    coal: Any
-    options: HullOptions = HullOptions()
-    kind: ClassVar[Literal["mesh"]] = "mesh"
+    coal: Any  # the surface with its tree of bounding volumes
+    options: HullOptions = HullOptions()  # when its hull stands in for it
+    kind: ClassVar[Literal["mesh"]] = "mesh"  # tells it from primitives
 
     @cached_property
     def vertices(self) -> Array:

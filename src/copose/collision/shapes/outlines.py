@@ -14,15 +14,10 @@ from copose.poses import Array
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """The outline of one convex part of a link.
+    """The outline of one convex part of a link."""
 
-    Attributes:
-        carrier: what moves the link.
-        points: in the carrier's frame, (k, 3).
-    """
-
-    carrier: Carrier
-    points: Array
+    carrier: Carrier  # what moves the link
+    points: Array  # in the carrier's frame, (k, 3)
 
 
 @dataclass(frozen=True)

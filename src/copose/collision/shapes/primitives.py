@@ -117,18 +117,13 @@ GEOMETRIES: dict[Kind, _Geometry] = {
 
 @dataclass(frozen=True)
 class Primitive:
-    """A shape by its measures, m, centred in its frame.
+    """A shape by its measures, m, centred in its frame."""
 
-    Attributes:
-        kind: a box, a sphere, a cylinder along z, or all points within a radius of a segment along
-            z, a capsule.
-        size: edge lengths; radius; radius and length; radius and length of the segment.
-        flat: whether it is planar: a rectangle is a box of two edges, a disk a sphere.
-    """
-
+    # A box, a sphere, a cylinder along z, or all points within a radius of a segment along z, a
+    # capsule.
     kind: Kind
-    size: Size
-    flat: bool = False
+    size: Size  # edge lengths; radius; radius and length; radius and length of the segment
+    flat: bool = False  # whether it is planar: a rectangle is a box of two edges, a disk a sphere
 
     @property
     def _geometry(self) -> _Geometry:

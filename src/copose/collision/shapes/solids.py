@@ -23,19 +23,12 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A rigid body that may touch others: a robot's link, the object, an obstacle.
+    """A rigid body that may touch others: a robot's link, the object, an obstacle."""
 
-    Attributes:
-        name: ``arm/link``, ``object``, an obstacle's name.
-        carrier: what moves it.
-        placement: its frame in the carrier's.
-        parts: the shapes that it consists of.
-    """
-
-    name: str
-    carrier: Carrier
-    placement: Pose
-    parts: tuple[Part, ...]
+    name: str  # ``arm/link``, ``object``, an obstacle's name
+    carrier: Carrier  # what moves it
+    placement: Pose  # its frame in the carrier's
+    parts: tuple[Part, ...]  # the shapes that it consists of
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,18 +50,11 @@ class LinkSolids:
 
 @dataclass(frozen=True, eq=False)
 class LinkLook:
-    """Shapes by which a link may be shown.
-
-    Attributes:
-        name: the link's.
-        carrier: what moves it.
-        placement: the link's frame in the carrier's.
-        choices: shapes in the link's frame, the best first; a mesh file need not be readable.
-        shared: whether several arms stand on it.
-    """
+    """Shapes by which a link may be shown."""
 
     name: str
-    carrier: Carrier
-    placement: Pose
+    carrier: Carrier  # what moves it
+    placement: Pose  # the link's frame in the carrier's
+    # Shapes in the link's frame, the best first; a mesh file need not be readable.
     choices: tuple[tuple[Part, ...], ...]
-    shared: bool = False
+    shared: bool = False  # whether several arms stand on it

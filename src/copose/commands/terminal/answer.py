@@ -47,14 +47,7 @@ def write_answer(
     figure: Path | None = None,
     style: Style = "bodies",
 ) -> None:
-    """Write a result, then what lies beside it in place of an earlier run's, and a figure.
-
-    Args:
-        answer: the result.
-        folder: for its files.
-        writers: of the files beside the result.
-        figure: a file of its own, anywhere.
-        style: how its arms are drawn.
+    """Write a result, then what lies beside it in place of an earlier run's, and a figure anywhere.
 
     Raises:
         InputError: the result cannot be written; of other files a line warns.

@@ -10,12 +10,9 @@ from copose.commands.terminal.number_types import seconds, seed
 
 
 def add_outputs(parser: argparse.ArgumentParser, files: Sequence[str], figure: str) -> None:
-    """Add where an answer is written and how it is shown.
+    """Add where an answer is written, as files of these names, and how it is shown.
 
-    Args:
-        parser: of the command.
-        files: names of all files of the answer's folder.
-        figure: the help of ``--figure``.
+    ``figure`` is the help of ``--figure``.
     """
     *others, last = files
     parser.add_argument(

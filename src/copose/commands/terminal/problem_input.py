@@ -15,11 +15,7 @@ if TYPE_CHECKING:
 
 
 def prepare(arguments: argparse.Namespace, files: Sequence[str]) -> tuple[Path, Problem]:
-    """The folder for an answer and the problem, both known to be usable.
-
-    Args:
-        arguments: of the command.
-        files: names of the files that will be written into the folder.
+    """The folder for files of these names and the problem, both known to be usable.
 
     Raises:
         InputError: the problem is wrong, or a file cannot be written.

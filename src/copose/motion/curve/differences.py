@@ -7,9 +7,9 @@ import numpy as np
 from copose.poses import Array
 
 
-def interpolated(phases: Array, q: Array, wanted: Array) -> Array:
+def interpolated(phases: Array, q: Array, instants: Array) -> Array:
     """Joint positions, (n, N), at some phases, interpolated linearly at others, (count, N)."""
-    return np.column_stack([np.interp(wanted, phases, column) for column in q.T])
+    return np.column_stack([np.interp(instants, phases, column) for column in q.T])
 
 
 def slopes(q: Array, step: float) -> Array:

@@ -16,19 +16,12 @@ from copose.poses import Array, Pose, skew
 
 @dataclass(frozen=True, eq=False)
 class Carrying:
-    """An inverse-dynamics problem: what a motion asks for at its knots.
+    """An inverse-dynamics problem: what a motion asks for at its knots."""
 
-    Attributes:
-        course: at the knots.
-        load: force over moment that contact wrenches exert on the object, (n, b).
-        J: Jacobians by arm, world axes, (n, m, n_i).
-        alone: torques without wrenches by arm, (n, n_i).
-    """
-
-    course: Course
-    load: Array
-    J: Sequence[Array]
-    alone: Sequence[Array]
+    course: Course  # at the knots
+    load: Array  # force over moment that contact wrenches exert on the object, (n, b)
+    J: Sequence[Array]  # Jacobians by arm, world axes, (n, m, n_i)
+    alone: Sequence[Array]  # torques without wrenches by arm, (n, n_i)
 
 
 class Torques:

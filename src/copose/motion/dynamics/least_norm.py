@@ -24,15 +24,10 @@ class TrackingOptions:
 
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """The postures that least-norm tracking comes to.
+    """The postures that least-norm tracking comes to."""
 
-    Attributes:
-        q: joint positions of all arms at the knots that it reaches, (k, N).
-        reason: why it goes no farther, None where it reaches the last.
-    """
-
-    q: Array
-    reason: str | None
+    q: Array  # joint positions of all arms at the knots that it reaches, (k, N)
+    reason: str | None  # why it goes no farther, None where it reaches the last
 
 
 def tracked(

@@ -18,21 +18,13 @@ What: TypeAlias = Literal["hold", "torque", "acceleration"]
 
 @dataclass(frozen=True)
 class LimitUse:
-    """The largest share of a limit that a motion uses.
+    """The largest share of a limit that a motion uses."""
 
-    Attributes:
-        what: holding the object at rest, torques as it moves, or joint accelerations.
-        knot: where.
-        arm: its number.
-        joint: its number in the arm.
-        times: the share of the limit.
-    """
-
-    what: What
-    knot: int
-    arm: int
-    joint: int
-    times: float
+    what: What  # holding the object at rest, torques as it moves, or joint accelerations
+    knot: int  # where
+    arm: int  # its number
+    joint: int  # its number in the arm
+    times: float  # the share of the limit
 
 
 def largest_strain(

@@ -15,23 +15,14 @@ from copose.robots.reach_bounds import levers
 
 @dataclass(frozen=True)
 class Outrun:
-    """A grasp that outruns its arm.
+    """A grasp that outruns its arm."""
 
-    Attributes:
-        what: its speed or its acceleration.
-        arm: its number.
-        knot: of the course.
-        asked: m/s or rad/s, m/s² or rad/s².
-        most: what joints at their limits come to at most.
-        unit: of both.
-    """
-
-    what: Literal["speed", "acceleration"]
-    arm: int
-    knot: int
-    asked: float
-    most: float
-    unit: str
+    what: Literal["speed", "acceleration"]  # its speed or its acceleration
+    arm: int  # its number
+    knot: int  # of the course
+    asked: float  # m/s or rad/s, m/s² or rad/s²
+    most: float  # what joints at their limits come to at most
+    unit: str  # of both
 
 
 def outrun(

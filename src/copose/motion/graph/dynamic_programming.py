@@ -29,13 +29,9 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Moves:
-    """Moves of an arm from a layer to the next.
+    """Moves of an arm from a layer to the next."""
 
-    Attributes:
-        costs: ∞ where there is no move, (count before, count).
-    """
-
-    costs: Array
+    costs: Array  # ∞ where there is no move, (count before, count)
 
     @cached_property
     def arrivals(self) -> tuple[Indices, Array]:
@@ -62,17 +58,11 @@ class Moves:
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Combinations of two arms' postures and moves between them; one arm goes with one that stays.
+    """Combinations of two arms' postures and moves between them; one arm goes with a still one."""
 
-    Attributes:
-        values: by layer, −∞ where a combination is not allowed, (count, count').
-        one: the first arm's moves by layer after the first.
-        other: alike of the second.
-    """
-
-    values: Sequence[Array]
-    one: Sequence[Moves]
-    other: Sequence[Moves]
+    values: Sequence[Array]  # by layer, −∞ where a combination is not allowed, (count, count')
+    one: Sequence[Moves]  # the first arm's moves by layer after the first
+    other: Sequence[Moves]  # alike of the second
 
     def best(self, most: int, far: Far | None = None) -> list[Found]:
         """The best routes through combinations of the middle layer that are far apart."""

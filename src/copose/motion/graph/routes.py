@@ -40,34 +40,21 @@ class RouteOptions:
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A route: a posture of every layer for each arm.
+    """A route: a posture of every layer for each arm."""
 
-    Attributes:
-        nodes: numbers of the postures, (layers, K).
-        worth: aggregate − smoothness · S, less a fine for moves that are too fast.
-    """
-
-    nodes: Indices
-    worth: float
+    nodes: Indices  # numbers of the postures, (layers, K)
+    worth: float  # aggregate − smoothness · S, less a fine for moves that are too fast
 
 
 @dataclass(frozen=True, eq=False)
 class RouteCost:
-    """The cost of a route.
+    """The cost of a route."""
 
-    Attributes:
-        aggregate: of the objective over the layers.
-        smoothness: s²/rad², of the mean of squared speeds.
-        interval: between layers, s.
-        speeds: limits by arm, (n,).
-        options: of the search.
-    """
-
-    aggregate: Aggregate
-    smoothness: float
-    interval: float
-    speeds: tuple[Array, ...]
-    options: RouteOptions = RouteOptions()
+    aggregate: Aggregate  # of the objective over the layers
+    smoothness: float  # s²/rad², of the mean of squared speeds
+    interval: float  # between layers, s
+    speeds: tuple[Array, ...]  # limits by arm, (n,)
+    options: RouteOptions = RouteOptions()  # of the search
 
     @property
     def joints(self) -> int:

@@ -24,11 +24,7 @@ class ClearanceRows:
     """
 
     def __init__(
-        self,
-        bodies: Bodies,
-        course: Course,
-        near: Sequence[Sequence[Witness]],
-        margin: float,
+        self, bodies: Bodies, course: Course, near: Sequence[Sequence[Witness]], margin: float
     ) -> None:
         """Set up the rows of some witnesses.
 

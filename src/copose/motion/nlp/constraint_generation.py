@@ -39,69 +39,41 @@ class SolverOptions:
 
 @dataclass(frozen=True, eq=False)
 class EndConditions:
-    """End conditions, duration and margin of a motion.
+    """End conditions, duration and margin of a motion."""
 
-    Attributes:
-        duration: s.
-        first: joints at the first knot, (N,); NaN where they are free.
-        last: alike at the last.
-        returns: whether the last knot is the first.
-        margin: what bodies keep at knots beyond the clearance, m.
-    """
-
-    duration: float
-    first: Array
-    last: Array
-    returns: bool
-    margin: float = 0.0
+    duration: float  # s
+    first: Array  # joints at the first knot, (N,); NaN where they are free
+    last: Array  # alike at the last
+    returns: bool  # whether the last knot is the first
+    margin: float = 0.0  # what bodies keep at knots beyond the clearance, m
 
 
 @dataclass(frozen=True, eq=False)
 class Met:
-    """A motion that ran into bodies, and what it became once they had joined its program.
+    """A motion that ran into bodies, and what it became once they had joined its program."""
 
-    Attributes:
-        kind: of its program.
-        duration: that the program was given, s.
-        q: joints at the knots, (n, N).
-        ended: with what keeps it clear of them.
-    """
-
-    kind: MotionKind
-    duration: float
-    q: Array
-    ended: OptimisedMotion
+    kind: MotionKind  # of its program
+    duration: float  # that the program was given, s
+    q: Array  # joints at the knots, (n, N)
+    ended: OptimisedMotion  # with what keeps it clear of them
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A motion that is sought, and the factors by which its program tightens limits.
+    """A motion that is sought, and the factors by which its program tightens limits."""
 
-    Attributes:
-        course: at the knots.
-        wanted: what it has to keep.
-        kind: of its program.
-        smoothness: s²/rad² per unit of the objective.
-        near: whether its program starts near its answer.
-        slack: how wide the bounds of an objective with kinks start.
-        speeds: of joints, (N,).
-        shares: factors of torque limits by knot, (n,).
-        calm: factors of acceleration limits alike.
-        roughly: whether demands that the program leaves out stay out.
-        met: motions that ran into bodies where the same was wanted: what comes to one of them ends
-            as it did.
-    """
-
-    course: Course
-    wanted: EndConditions
-    kind: MotionKind
-    smoothness: float
-    near: bool
-    slack: float
-    speeds: Array
-    shares: Array
-    calm: Array
-    roughly: bool = False
+    course: Course  # at the knots
+    conditions: EndConditions  # what it has to keep
+    kind: MotionKind  # of its program
+    smoothness: float  # s²/rad² per unit of the objective
+    near: bool  # whether its program starts near its answer
+    slack: float  # how wide the bounds of an objective with kinks start
+    speeds: Array  # of joints, (N,)
+    shares: Array  # factors of torque limits by knot, (n,)
+    calm: Array  # factors of acceleration limits alike
+    roughly: bool = False  # whether demands that the program leaves out stay out
+    # Motions that ran into bodies where the same was wanted: what comes to one of them ends as it
+    # did.
     met: list[Met] = field(default_factory=list)
 
 
@@ -145,7 +117,7 @@ class Solver:
             )  # fmt: skip
         return self._tasks[kind]
 
-    def solved(self, case: Case, q: Array, beside: Multipliers | None = None) -> OptimisedMotion:
+    def solved(self, case: Case, q: Array, warm: Multipliers | None = None) -> OptimisedMotion:
         """The best motion near one, (n, N), with demands that a program left out."""
         model, settings = self._model, case.course.settings
         cuts = [
@@ -154,7 +126,7 @@ class Solver:
         ]
         settled = case.roughly or case.kind in (MotionKind.SHORTEST, MotionKind.SPARING)
         if not model.objective.costly or settled:
-            return self._apart(case, q, cuts, beside)
+            return self._apart(case, q, cuts, warm)
         ends: list[OptimisedMotion] = []
 
         def solve(
@@ -171,46 +143,42 @@ class Solver:
             done = all(new is None for new in violated)
             return Step(ends[-1], 0.0, 0.0, None if done else added)
 
-        start = OptimisedMotion(q, case.wanted.duration, False, "", ("", 0, np.inf), beside)
+        start = OptimisedMotion(q, case.conditions.duration, False, "", ("", 0, np.inf), warm)
         rounds = 1 + self._options.exchanges
         options = GenerationOptions(rounds=rounds, free_rounds=rounds)
         generate(start, -np.inf, cuts, solve, lambda *_: True, options)
         return ends[-1]
 
     def _apart(
-        self,
-        case: Case,
-        q: Array,
-        cuts: list[Cuts],
-        beside: Multipliers | None,
+        self, case: Case, q: Array, cuts: list[Cuts], warm: Multipliers | None
     ) -> OptimisedMotion:
         """The best motion near one, (n, N), with the pairs of bodies that it ran into."""
         model, course = self._model, case.course
         near = [of_two(witnesses) for witnesses in self._witnesses(course, q, CutOptions().near)]
         met: list[Array] = []
-        cold, start, multipliers = case, q, beside
+        cold, start, multipliers = case, q, warm
         for _ in range(self._options.collisions):
-            motion = self._run(case, near, q, cuts, beside)
+            motion = self._run(case, near, q, cuts, warm)
             if not motion.converged and case is not cold:
-                case, q, beside = cold, start, multipliers
+                case, q, warm = cold, start, multipliers
                 continue
             if model.bodies is None or not motion.converged:
                 break
-            hits = self._witnesses(course, motion.q, case.wanted.margin)
+            hits = self._witnesses(course, motion.q, case.conditions.margin)
             if not any(hits):
                 break
             for known in case.met:
-                same = (known.kind, known.duration) == (case.kind, case.wanted.duration)
+                same = (known.kind, known.duration) == (case.kind, case.conditions.duration)
                 if same and same_motion(known.q, motion.q):
                     return known.ended
             met.append(motion.q)
             near = [(*known, *hit) for known, hit in zip(near, hits, strict=True)]
             if min(cut.distance for hit in hits for cut in hit) > 0:
                 # What is a little too near is mended where it is.
-                case, q, beside = replace(case, near=True), motion.q, motion.multipliers
+                case, q, warm = replace(case, near=True), motion.q, motion.multipliers
         else:
             motion = replace(motion, converged=False, status="Collision")
-        case.met.extend(Met(case.kind, case.wanted.duration, q, motion) for q in met)
+        case.met.extend(Met(case.kind, case.conditions.duration, q, motion) for q in met)
         return motion
 
     def _witnesses(self, course: Course, q: Array, beyond: float) -> list[list[Witness]]:
@@ -226,15 +194,15 @@ class Solver:
         near: Sequence[tuple[Witness, ...]],
         q: Array,
         cuts: list[Cuts],
-        beside: Multipliers | None,
+        warm: Multipliers | None,
     ) -> OptimisedMotion:
-        model, course, wanted = self._model, case.course, case.wanted
+        model, course, conditions = self._model, case.course, case.conditions
         task, clearance = self.task(case.kind), None
         if model.bodies is not None and any(near):
-            clearance = ClearanceRows(model.bodies, course, near, wanted.margin)
-        start = started(model, self._drive, task, course, q, wanted.duration, cuts, case.slack)
+            clearance = ClearanceRows(model.bodies, course, near, conditions.margin)
+        start = started(model, self._drive, task, course, q, conditions.duration, cuts, case.slack)
         if not np.all(np.isfinite(start)):
-            return OptimisedMotion(q, wanted.duration, False, "Singular_Start", ("", 0, np.inf))
+            return OptimisedMotion(q, conditions.duration, False, "Singular_Start", ("", 0, np.inf))
         inertial = self._drive.torques.inertial(course)
         parameters = np.array(
             [
@@ -242,19 +210,19 @@ class Solver:
                     setting.cell.parameters,
                     setting.objective.program_numbers(setting, cuts[k]),
                     inertial[k],
-                    [wanted.duration],
+                    [conditions.duration],
                 ])
                 for k, setting in enumerate(course.settings)
             ]
         )  # fmt: skip
-        lower, upper = self._bounds(len(course), wanted)
+        lower, upper = self._bounds(len(course), conditions)
         smooth = case.kind in (MotionKind.SMOOTHED, MotionKind.UNLIMITED)
         sharp = self._kinked and not smooth
         return MotionProgram(
             task,
             Task(
                 parameters=parameters,
-                duration=wanted.duration,
+                duration=conditions.duration,
                 smoothness=case.smoothness,
                 lower=lower,
                 upper=upper,
@@ -262,23 +230,23 @@ class Solver:
                 held=model.cell.held_knots(len(course)),
                 clearance=clearance,
                 tightened=tightened(task.constraints, case.shares, case.calm),
-                returns=wanted.returns,
-                beside=beside,
+                returns=conditions.returns,
+                warm=warm,
                 near=case.near,
                 iterations=self._options.kinked_iterations if sharp else self._options.iterations,
             ),
         ).solve(start)
 
-    def _bounds(self, count: int, wanted: EndConditions) -> tuple[Array, Array]:
+    def _bounds(self, count: int, conditions: EndConditions) -> tuple[Array, Array]:
         cell = self._model.cell
         lower = np.tile(np.concatenate(cell.lower), (count, 1))
         upper = np.tile(np.concatenate(cell.upper), (count, 1))
-        for k, fixed in ((0, wanted.first), (-1, wanted.last)):
+        for k, fixed in ((0, conditions.first), (-1, conditions.last)):
             known: Mask = np.isfinite(fixed)
             lower[k, known] = upper[k, known] = fixed[known]
-        if wanted.returns:
+        if conditions.returns:
             # The first knot says it: two fixed ends and their equation are one too many.
-            known = np.isfinite(wanted.first)
+            known = np.isfinite(conditions.first)
             lower[-1, known] = np.concatenate(cell.lower)[known] - 1.0
             upper[-1, known] = np.concatenate(cell.upper)[known] + 1.0
         return lower, upper

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 
@@ -33,13 +32,6 @@ class MotionKind(Enum):
     """The largest share of torque and acceleration limits is minimised, and nothing else."""
     UNLIMITED = "unlimited"
     """As smoothed, without limits of torques and accelerations."""
-
-
-@dataclass(frozen=True)
-class KnotOptions:
-    """Options of a knot's program."""
-
-    least_share: float = 0.95  # of torque and acceleration limits; less is not worth sparing
 
 
 class KnotNlp:
@@ -76,7 +68,6 @@ class KnotNlp:
         *,
         worst: bool,
         rates: bool,
-        options: KnotOptions = KnotOptions(),
     ) -> None:
         """Write the expressions of one program.
 
@@ -89,7 +80,6 @@ class KnotNlp:
             kind: what is optimised.
             worst: whether the least objective of all knots counts, not their mean.
             rates: whether joint speeds and accelerations enter, but where nothing limits them.
-            options: of the program.
         """
         system = cell.system
         symbols = ca.SX.sym("numbers", numbers)
@@ -115,13 +105,13 @@ class KnotNlp:
                     self.holding |= {row.name for row in added.constraints}
         stretch = ca.SX.sym("stretch") if kind is MotionKind.SHORTEST else ca.SX(1)
         if rates and kind is not MotionKind.UNLIMITED:
-            own, more = _driven(cell, duration * stretch, inertial, capacity)
-            parts |= own
-            constraints += more
+            variables, driving = _driven(cell, duration * stretch, inertial, capacity)
+            parts |= variables
+            constraints += driving
         if self.shared is not None:
             shared = stretch if self.shared == "stretch" else ca.SX.sym(self.shared)
             parts[self.shared] = shared
-            constraints = _on_shared(self.shared, shared, value, constraints, options)
+            constraints = _on_shared(self.shared, shared, value, constraints)
             value = ca.SX(0)
         self.constraints = tuple(independent(cell, constraint) for constraint in constraints)
         edges = np.cumsum([0] + [part.numel() for part in parts.values()])
@@ -197,7 +187,7 @@ def _shared(kind: MotionKind, *, worst: bool) -> str | None:
 
 
 def _on_shared(
-    name: str, shared: ca.SX, value: ca.SX, constraints: list[Constraint], options: KnotOptions
+    name: str, shared: ca.SX, value: ca.SX, constraints: list[Constraint]
 ) -> list[Constraint]:
     """Constraints with those on the shared variable: a level below the objective's value, or a
     share by which torque and acceleration limits are multiplied.
@@ -206,7 +196,7 @@ def _on_shared(
     if name == "level":
         return [*constraints, Constraint("level", value - shared, np.zeros(1), unbounded, "1")]
     if name == "share":
-        least = np.full(1, options.least_share)
+        least = np.full(1, 0.95)  # Less is not worth sparing.
         limited = [spared(constraint, shared) for constraint in constraints]
         return [*limited, Constraint("share", shared, least, unbounded, "1")]
     return constraints

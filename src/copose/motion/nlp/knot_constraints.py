@@ -39,8 +39,8 @@ def driving_constraints(
     if not cell.dynamic_torque:
         return ca.SX(0, 1), constraints
     assert capacity is not None
-    wrenches, more = _torques(cell, rates, accelerations, inertial, capacity)
-    return wrenches, constraints + more
+    wrenches, balance = _torques(cell, rates, accelerations, inertial, capacity)
+    return wrenches, constraints + balance
 
 
 def _torques(

@@ -13,23 +13,14 @@ from copose.poses import Array, Indices
 
 @dataclass(frozen=True, eq=False)
 class LinearRows:
-    """Sparse linear constraints, lower ≤ A x ≤ upper, by the entries of A.
+    """Sparse linear constraints, lower ≤ A x ≤ upper, by the entries of A."""
 
-    Attributes:
-        rows: of the entries.
-        columns: alike.
-        entries: of A.
-        lower: by row.
-        upper: alike.
-        names: by row, what it is and at which knot.
-    """
-
-    rows: Indices
-    columns: Indices
-    entries: Array
-    lower: Array
-    upper: Array
-    names: tuple[tuple[str, int], ...]
+    rows: Indices  # of the entries
+    columns: Indices  # alike
+    entries: Array  # of A
+    lower: Array  # by row
+    upper: Array  # alike
+    names: tuple[tuple[str, int], ...]  # by row, what it is and at which knot
 
     def values(self, x: Array) -> Array:
         """A x, by row."""

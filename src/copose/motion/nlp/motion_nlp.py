@@ -63,59 +63,38 @@ class Multipliers:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Inputs of a motion's program.
+    """Inputs of a motion's program."""
 
-    Attributes:
-        parameters: of every knot, see `KnotNlp`, (n, p).
-        duration: s; where the shortest is sought, the one that its stretch multiplies.
-        smoothness: s²/rad² per unit of the objective.
-        lower: of the joints at every knot, (n, N); ``upper`` alike.
-        speeds: limits of the joints, (N,).
-        held: at which knots the object is held at rest, where the program has that, (n,).
-        clearance: rows that keep bodies apart.
-        tightened: what is left of each constraint's bounds at every knot, as a part, (n, g); None
-            where nothing was taken away.
-        returns: whether the last knot is the first.
-        beside: multipliers of a neighbouring program's answer, where it starts.
-        near: whether it starts near its answer.
-        iterations: at most.
-    """
-
-    parameters: Array
-    duration: float
-    smoothness: float
-    lower: Array
+    parameters: Array  # of every knot, see `KnotNlp`, (n, p)
+    duration: float  # s; where the shortest is sought, the one that its stretch multiplies
+    smoothness: float  # s²/rad² per unit of the objective
+    lower: Array  # of the joints at every knot, (n, N); ``upper`` alike
     upper: Array
-    speeds: Array
-    held: Mask
-    clearance: ClearanceRows | None = None
+    speeds: Array  # limits of the joints, (N,)
+    held: Mask  # at which knots the object is held at rest, where the program has that, (n,)
+    clearance: ClearanceRows | None = None  # rows that keep bodies apart
+    # What is left of each constraint's bounds at every knot, as a part, (n, g); None where nothing
+    # was taken away.
     tightened: Array | None = None
-    returns: bool = False
-    beside: Multipliers | None = None
-    near: bool = False
-    iterations: int = 300
+    returns: bool = False  # whether the last knot is the first
+    # Multipliers of a neighbouring program's answer, where it starts.
+    warm: Multipliers | None = None
+    near: bool = False  # whether it starts near its answer
+    iterations: int = 300  # at most
 
 
 @dataclass(frozen=True, eq=False)
 class OptimisedMotion:
-    """A motion that a program ended with.
+    """A motion that a program ended with."""
 
-    Attributes:
-        q: joints at the knots, (n, N).
-        duration: s.
-        converged: whether it is an answer: IPOPT met its tolerance.
-        status: in IPOPT's words.
-        violated: the constraint that is broken most, at which knot, by how much.
-        multipliers: of the program's answer.
-        share: of torque and acceleration limits, where as little of them as can be is sought.
-    """
-
-    q: Array
-    duration: float
-    converged: bool
-    status: str
+    q: Array  # joints at the knots, (n, N)
+    duration: float  # s
+    converged: bool  # whether it is an answer: IPOPT met its tolerance
+    status: str  # in IPOPT's words
+    # The constraint that is broken most, at which knot, by how much.
     violated: tuple[str, int, float]
-    multipliers: Multipliers | None = None
+    multipliers: Multipliers | None = None  # of the program's answer
+    # Of torque and acceleration limits, where as little of them as can be is sought.
     share: float | None = None
 
 
@@ -125,13 +104,7 @@ class MotionProgram:
     def __init__(
         self, task: KnotNlp, inputs: Task, options: MotionProgramOptions = MotionProgramOptions()
     ) -> None:
-        """Lay out the program.
-
-        Args:
-            task: the program at a knot.
-            inputs: what it is solved for.
-            options: of the program and of IPOPT.
-        """
+        """Lay out the program."""
         self._task, self._inputs, self._options = task, inputs, options
         self._count, self._size, self._joints = len(inputs.parameters), task.size, task.joints
         smoothing = inputs.smoothness / inputs.duration**2
@@ -158,9 +131,9 @@ class MotionProgram:
         lower, upper = self._variable_bounds()
         low, high = self._row_bounds()
         known = {}
-        if inputs.beside is not None:
-            multipliers = np.concatenate([inputs.beside.constraints, np.zeros(self._spaced)])
-            known = {"lam_x0": inputs.beside.bounds, "lam_g0": multipliers}
+        if inputs.warm is not None:
+            multipliers = np.concatenate([inputs.warm.constraints, np.zeros(self._spaced)])
+            known = {"lam_x0": inputs.warm.bounds, "lam_g0": multipliers}
         nlp = self._solver()
         answer = nlp(
             x0=start.ravel(), lbx=lower.ravel(), ubx=upper.ravel(), lbg=low, ubg=high, **known
@@ -258,6 +231,6 @@ class MotionProgram:
             ),
         }  # fmt: skip
         self._oracle = Evaluated("nlp", [x, p], [f, g], functions.values)
-        options = self._options.ipopt(near=inputs.near, warm=inputs.beside is not None)
+        options = self._options.ipopt(near=inputs.near, warm=inputs.warm is not None)
         options |= {"ipopt.max_iter": inputs.iterations, **self._callbacks}
         return Ipopt("motion", self._oracle, (width, 0, height), options)

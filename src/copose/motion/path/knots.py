@@ -17,23 +17,14 @@ from copose.posture.setting import Setting
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Poses of object and tips at n instants; rates by the share φ of the duration.
+    """Poses of object and tips at n instants; rates by the share φ of the duration."""
 
-    Attributes:
-        phases: φ, (n,).
-        stations: of the object.
-        settings: what the kernels take there.
-        goals: of the tips by arm, see `Placement`, (n, 7).
-        velocities: of the contacts by arm, world axes, (n, m).
-        accelerations: alike.
-    """
-
-    phases: Array
-    stations: tuple[ObjectState, ...]
-    settings: tuple[Setting, ...]
-    goals: tuple[Array, ...]
-    velocities: tuple[Array, ...]
-    accelerations: tuple[Array, ...]
+    phases: Array  # φ, (n,)
+    stations: tuple[ObjectState, ...]  # of the object
+    settings: tuple[Setting, ...]  # what the kernels take there
+    goals: tuple[Array, ...]  # of the tips by arm, see `Placement`, (n, 7)
+    velocities: tuple[Array, ...]  # of the contacts by arm, world axes, (n, m)
+    accelerations: tuple[Array, ...]  # alike
 
     @classmethod
     def of(cls, model: PostureModel, journey: ObjectMotion, phases: Array) -> Course:

@@ -22,36 +22,22 @@ from copose.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class ObjectState:
-    """The object's pose and rates at an instant, rates by the share φ of the path's duration.
+    """The object's pose and rates at an instant, rates by the share φ of the path's duration."""
 
-    Attributes:
-        pose: of its centre of mass in the world.
-        velocity: dp/dφ, m, over the angular velocity by φ, rad, world axes, (6,).
-        acceleration: alike, by φ twice, (6,).
-    """
-
-    pose: Pose
-    velocity: Array
-    acceleration: Array
+    pose: Pose  # of its centre of mass in the world
+    velocity: Array  # dp/dφ, m, over the angular velocity by φ, rad, world axes, (6,)
+    acceleration: Array  # alike, by φ twice, (6,)
 
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """The way from one waypoint straight to the next, turning about one axis by the shortest angle.
+    """The way from a waypoint straight to the next, turning about one axis by the least angle."""
 
-    Attributes:
-        first: pose at its beginning.
-        step: displacement, m, (3,).
-        turn: rotation vector in world axes, rad, (3,).
-        begins: φ at its beginning.
-        share: of the duration.
-    """
-
-    first: Pose
-    step: Array
-    turn: Array
-    begins: float
-    share: float
+    first: Pose  # pose at its beginning
+    step: Array  # displacement, m, (3,)
+    turn: Array  # rotation vector in world axes, rad, (3,)
+    begins: float  # φ at its beginning
+    share: float  # of the duration
 
     def at(self, phase: float) -> ObjectState:
         """The object at a share φ of the duration, by the minimum-jerk law."""
@@ -76,12 +62,9 @@ class ObjectMotion:
     Durations of segments are in proportion to max(length, 0.3 m · angle). Time is told as φ, the
     share of the whole duration that is behind: the same journey in another time is the same
     function of φ.
-
-    Attributes:
-        segments: in order; one of no length where nothing moves.
     """
 
-    segments: tuple[Segment, ...]
+    segments: tuple[Segment, ...]  # in order; one of no length where nothing moves
 
     @classmethod
     def of(cls, problem: Problem) -> ObjectMotion:

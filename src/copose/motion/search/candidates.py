@@ -58,19 +58,12 @@ class Ends:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A route and the motion that a program made of it.
+    """A route and the motion that a program made of it."""
 
-    Attributes:
-        route: through the graph.
-        shaped: the motion.
-        value: its aggregate − smoothness · S; None where the program failed.
-        easy: whether limits of torques and accelerations hold nothing back.
-    """
-
-    route: Route
+    route: Route  # through the graph
     shaped: OptimisedMotion
-    value: float | None
-    easy: bool = False
+    value: float | None  # its aggregate − smoothness · S; None where the program failed
+    easy: bool = False  # whether limits of torques and accelerations hold nothing back
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,28 +86,17 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class CandidateSearch:
-    """The search of candidates: motions of a certain duration along routes through one graph.
+    """The search of candidates: motions of a certain duration along routes through one graph."""
 
-    Attributes:
-        finisher: refines motions.
-        course: the graph's layers.
-        held: where motions begin and end.
-        roadmaps: of the arms.
-        values: of combinations of their postures.
-        duration: s; where the shortest is sought, the one that is reckoned with.
-        seed: of everything that is drawn.
-        options: of the search.
-        tried: motions that programs made of routes so far.
-    """
-
-    finisher: Refiner
-    course: Course
-    held: Ends
-    roadmaps: Sequence[Roadmap]
-    values: NodeValues
-    duration: float
-    seed: int
-    options: TrialOptions = TrialOptions()
+    finisher: Refiner  # refines motions
+    course: Course  # the graph's layers
+    held: Ends  # where motions begin and end
+    roadmaps: Sequence[Roadmap]  # of the arms
+    values: NodeValues  # of combinations of their postures
+    duration: float  # s; where the shortest is sought, the one that is reckoned with
+    seed: int  # of everything that is drawn
+    options: TrialOptions = TrialOptions()  # of the search
+    # Motions that programs made of routes so far.
     tried: list[Candidate] = field(default_factory=list)
     _known: list[tuple[Array, Candidate]] = field(default_factory=list)
     _met: list[Met] = field(default_factory=list)
@@ -134,7 +116,7 @@ class CandidateSearch:
     @property
     def _limited(self) -> bool:
         """True where torques have to keep limits."""
-        return self._model.static or self._model.cell.dynamic_torque
+        return self._model.cell.problem.constraints.static_torque or self._model.cell.dynamic_torque
 
     @cached_property
     def _finder(self) -> RouteFinder:
@@ -225,7 +207,7 @@ class CandidateSearch:
         enough = 0.0 if finisher.shaper.shortest else 1.0 + HELD
         return sorted(judged, key=lambda one: max(one[0].times, enough))
 
-    def wanted(self, q: Array, duration: float) -> EndConditions:
+    def conditions(self, q: Array, duration: float) -> EndConditions:
         """End conditions of a motion, (n, N)."""
         # A joint without limits may end some turns on.
         last = np.where(np.isfinite(self.held.last), q[-1], np.nan)
@@ -270,8 +252,8 @@ class CandidateSearch:
         if finisher.shaper.shortest or not finisher.shaper.forceful:
             return self._direct(route)
         q = finisher.closed(self._finder.postures(route), course)
-        wanted = self.wanted(q, self.duration)
-        loose = finisher.shaper.loose(course, q, wanted)
+        conditions = self.conditions(q, self.duration)
+        loose = finisher.shaper.loose(course, q, conditions)
         if not loose.converged:
             return self._direct(route)
         for other, made in self._known:
@@ -280,7 +262,7 @@ class CandidateSearch:
         strain = largest_strain(self._model, finisher.drive, course, loose.q, loose.duration)
         shaped, easy = loose, strain.times <= 1
         if not easy:
-            shaped = finisher.shaper.shaped(course, loose.q, wanted, roughly=True)
+            shaped = finisher.shaper.shaped(course, loose.q, conditions, roughly=True)
         made = replace(self._valued(route, shaped), easy=easy)
         if made.value is None:
             _, spared = self._spared(route, loose.q)
@@ -294,8 +276,9 @@ class CandidateSearch:
         """The motion of a route itself."""
         stage("shaping the motion")
         q = self.finisher.closed(self._finder.postures(route), self.course)
-        wanted = self.wanted(q, self.duration)
-        shaped = self.finisher.shaper.shaped(self.course, q, wanted, roughly=True, met=self._met)
+        conditions = self.conditions(q, self.duration)
+        shaper = self.finisher.shaper
+        shaped = shaper.shaped(self.course, q, conditions, roughly=True, met=self._met)
         return self._valued(route, shaped)
 
     def _valued(self, route: Route, shaped: OptimisedMotion) -> Candidate:
@@ -333,11 +316,11 @@ class CandidateSearch:
         stage("sparing torques")
         finisher, course, options = self.finisher, self.course, self.options
         times = options.easy if finisher.shaper.shortest else 1.0
-        wanted = self.wanted(q, self.duration * times)
+        conditions = self.conditions(q, self.duration * times)
         if finisher.shaper.hasty:
-            calm = finisher.shaper.loose(course, q, wanted, calm=options.very_calm)
+            calm = finisher.shaper.loose(course, q, conditions, calm=options.very_calm)
             q = calm.q if calm.converged else q
-        sparing = finisher.shaper.sparing(course, q, wanted)
+        sparing = finisher.shaper.sparing(course, q, conditions)
         if not sparing.converged or sparing.share is None:
             return None, None
         q, duration = sparing.q, sparing.duration
@@ -346,7 +329,7 @@ class CandidateSearch:
         strain = replace(strain, times=sparing.share)
         if strain.times > 1 + HELD:
             return strain, None
-        shaped = finisher.shaper.shaped(course, q, self.wanted(q, duration), roughly=True)
+        shaped = finisher.shaper.shaped(course, q, self.conditions(q, duration), roughly=True)
         return strain, self._valued(route, shaped)
 
     def _too_fast(self) -> Obstruction | None:
@@ -356,8 +339,8 @@ class CandidateSearch:
         shortest = [np.inf]
         for route in self._finder.quickest(self.options.routes, self.options.distance):
             q = self.finisher.closed(self._finder.postures(route), self.course)
-            wanted = self.wanted(q, self.duration)
-            motion = self.finisher.shaper.quickest(self.course, q, wanted)
+            conditions = self.conditions(q, self.duration)
+            motion = self.finisher.shaper.quickest(self.course, q, conditions)
             shortest += [motion.duration] if motion.converged else []
         least = min(shortest)
         if not self.duration < least < np.inf:

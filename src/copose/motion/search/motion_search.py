@@ -62,19 +62,12 @@ class _SoFar:
 
 @dataclass(frozen=True, eq=False)
 class MotionSearch:
-    """The search for one motion.
+    """The search for one motion."""
 
-    Attributes:
-        finisher: refines motions.
-        answer: puts results together.
-        seed: of everything that is drawn.
-        options: of the search.
-    """
-
-    finisher: Refiner
-    answer: Answer
-    seed: int
-    options: MakingOptions = MakingOptions()
+    finisher: Refiner  # refines motions
+    answer: Answer  # puts results together
+    seed: int  # of everything that is drawn
+    options: MakingOptions = MakingOptions()  # of the search
 
     @property
     def path(self) -> PathSpec:
@@ -282,7 +275,7 @@ class MotionSearch:
             known.append(shaped.q)
             if isinstance(best, CheckedMotion) and not self._behind(best, candidate):
                 break
-            motion = self.finisher.finished(shaped, trial.wanted(shaped.q, shaped.duration))
+            motion = self.finisher.finished(shaped, trial.conditions(shaped.q, shaped.duration))
             if (
                 best is None
                 or isinstance(best, Obstruction)

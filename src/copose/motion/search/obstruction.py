@@ -137,10 +137,7 @@ def _stopping(model: PostureModel, roadmap: Roadmap, course: Course, i: int, sto
 
 
 def blocked(
-    model: PostureModel,
-    course: Course,
-    finder: RouteFinder,
-    duration: float,
+    model: PostureModel, course: Course, finder: RouteFinder, duration: float
 ) -> Obstruction:
     """No combination of the arms' postures serves, though each arm alone goes through."""
     constraints = model.cell.problem.constraints
@@ -173,11 +170,7 @@ def blocked(
 
 
 def too_fast(
-    model: PostureModel,
-    finder: RouteFinder,
-    course: Course,
-    duration: float,
-    least: float,
+    model: PostureModel, finder: RouteFinder, course: Course, duration: float, least: float
 ) -> Obstruction:
     """Joints would have to be faster than they can be; the shortest motion takes ``least``, s."""
     arm, joint, k = finder.slowest()
@@ -219,7 +212,7 @@ def unheld(course: Course, k: int, duration: float, reason: str, *, sure: bool) 
     return _obstruction(f"{when}: {reason} (torque)", sure=sure)
 
 
-def dropped(model: PostureModel, course: Course, k: int, shares: Array) -> Obstruction:
+def dropped(model: PostureModel, k: int, shares: Array) -> Obstruction:
     """The posture that a motion has to begin or to end in, at knot k, does not hold the object at
     rest: shares of torque limits, (N,), the largest at its least.
     """
@@ -234,12 +227,7 @@ def dropped(model: PostureModel, course: Course, k: int, shares: Array) -> Obstr
 
 
 def overloaded(
-    model: PostureModel,
-    course: Course,
-    duration: float,
-    strain: LimitUse,
-    *,
-    judged: int = 0,
+    model: PostureModel, course: Course, duration: float, strain: LimitUse, *, judged: int = 0
 ) -> Obstruction:
     """Even the motion that spares limits most breaks one.
 

@@ -39,17 +39,11 @@ class ShaperOptions:
 
 @dataclass(frozen=True, eq=False)
 class _Used:
-    """Shares of the limits that a motion uses as it is reported.
+    """Shares of the limits that a motion uses as it is reported."""
 
-    Attributes:
-        speeds: by joint, (N,).
-        torques: by knot, (n,).
-        accelerations: alike.
-    """
-
-    speeds: Array
-    torques: Array
-    accelerations: Array
+    speeds: Array  # by joint, (N,)
+    torques: Array  # by knot, (n,)
+    accelerations: Array  # alike
 
     @property
     def within(self) -> bool:
@@ -78,14 +72,7 @@ class MotionOptimiser:
         path: PathSpec,
         options: ShaperOptions = ShaperOptions(),
     ) -> None:
-        """Programs are built when they are asked for.
-
-        Args:
-            model: what is built.
-            drive: computes rates and torques.
-            path: what is asked.
-            options: of the optimisation.
-        """
+        """Programs are built when they are asked for."""
         self._model, self._drive, self._options = model, drive, options
         cell = model.cell
         self._worst, self._smoothness = path.aggregate == "worst", path.smoothness
@@ -115,38 +102,38 @@ class MotionOptimiser:
         """
         return max(self._smoothness, calm) * (duration**2 if self.shortest else 1.0)
 
-    def quickest(self, course: Course, q: Array, wanted: EndConditions) -> OptimisedMotion:
-        """The shortest motion near one, (n, N); ``wanted.duration`` is where it starts."""
-        return self._quickest(self._case(course, wanted), q)
+    def quickest(self, course: Course, q: Array, conditions: EndConditions) -> OptimisedMotion:
+        """The shortest motion near one, (n, N); ``conditions.duration`` is where it starts."""
+        return self._quickest(self._case(course, conditions), q)
 
     def loose(
-        self, course: Course, q: Array, wanted: EndConditions, *, calm: float = 0.0
+        self, course: Course, q: Array, conditions: EndConditions, *, calm: float = 0.0
     ) -> OptimisedMotion:
         """The best motion near one, (n, N), without limits of torques and accelerations, and of an
         objective without kinks; at least so smooth, s²/rad² per unit of the objective.
         """
-        smoothness = self.smoothness(wanted.duration, calm)
-        case = self._case(course, wanted)
+        smoothness = self.smoothness(conditions.duration, calm)
+        case = self._case(course, conditions)
         case = replace(case, kind=MotionKind.UNLIMITED, smoothness=smoothness)
         return self._solver.solved(case, q)
 
-    def sparing(self, course: Course, q: Array, wanted: EndConditions) -> OptimisedMotion:
+    def sparing(self, course: Course, q: Array, conditions: EndConditions) -> OptimisedMotion:
         """A motion near one, (n, N), that keeps torque and acceleration limits, with room, or
         breaks them as little as can be.
         """
-        case = replace(self._case(course, wanted), kind=MotionKind.SPARING)
+        case = replace(self._case(course, conditions), kind=MotionKind.SPARING)
         return self._solver.solved(case, q)
 
     def shaped(
         self,
         course: Course,
         q: Array,
-        wanted: EndConditions,
+        conditions: EndConditions,
         *,
         near: bool = False,
         roughly: bool = False,
         met: list[Met] | None = None,
-        beside: Multipliers | None = None,
+        warm: Multipliers | None = None,
     ) -> OptimisedMotion:
         """The best motion near one, (n, N), closed at every knot; of the shortest time if that is
         sought.
@@ -154,22 +141,22 @@ class MotionOptimiser:
         Args:
             course: at the knots.
             q: to start from.
-            wanted: what it has to keep.
+            conditions: what it has to keep.
             near: whether it is nearly the best.
             roughly: whether an objective with kinks may be replaced by one without, and demands
                 that a program leaves out may stay out.
             met: motions that ran into bodies where the same was wanted, to which others are added.
-            beside: multipliers of the program that it is the answer of, where it is.
+            warm: multipliers of the program that it is the answer of, where it is.
         """
-        case = replace(self._case(course, wanted), near=near, roughly=roughly)
+        case = replace(self._case(course, conditions), near=near, roughly=roughly)
         case = case if met is None else replace(case, met=met)
-        return self._timed(case, q, partial(self._best, beside=beside))
+        return self._timed(case, q, partial(self._best, warm=warm))
 
-    def _best(self, case: Case, q: Array, beside: Multipliers | None = None) -> OptimisedMotion:
+    def _best(self, case: Case, q: Array, warm: Multipliers | None = None) -> OptimisedMotion:
         if self.kinked:
             rounded = self._solver.solved(replace(case, near=False, kind=MotionKind.SMOOTHED), q)
             return rounded if case.roughly else self._sharpened(case, q, rounded)
-        motion = self._solver.solved(case, q, beside)
+        motion = self._solver.solved(case, q, warm)
         if case.near and not motion.converged:
             return self._solver.solved(replace(case, near=False), q)
         return motion
@@ -188,16 +175,16 @@ class MotionOptimiser:
         quick = self._quickest(case, q)
         if not quick.converged:
             return quick
-        wanted = replace(case.wanted, duration=quick.duration * (1 + self._options.longer))
-        smoothness = self.smoothness(wanted.duration)
-        motion = best(replace(case, wanted=wanted, smoothness=smoothness), quick.q)
+        conditions = replace(case.conditions, duration=quick.duration * (1 + self._options.longer))
+        smoothness = self.smoothness(conditions.duration)
+        motion = best(replace(case, conditions=conditions, smoothness=smoothness), quick.q)
         # So little time to spare may leave too little room for a program.
         return motion if motion.converged else quick
 
     @property
     def forceful(self) -> bool:
         """True where torques or accelerations have to keep limits."""
-        return self._forced or self._model.static
+        return self._forced or self._model.cell.problem.constraints.static_torque
 
     @property
     def hasty(self) -> bool:
@@ -221,7 +208,7 @@ class MotionOptimiser:
         return rounded if rounded.converged else motion
 
     def kept(
-        self, course: Course, motion: OptimisedMotion, wanted: EndConditions
+        self, course: Course, motion: OptimisedMotion, conditions: EndConditions
     ) -> OptimisedMotion:
         """A motion whose speeds, accelerations and torques as they are reported keep limits; where
         the shortest is sought it lasts longer for that, as little as can be.
@@ -229,9 +216,9 @@ class MotionOptimiser:
         Args:
             course: at the knots.
             motion: what the program ended with.
-            wanted: what it had to keep.
+            conditions: what it had to keep.
         """
-        case, options = self._case(course, wanted), self._options
+        case, options = self._case(course, conditions), self._options
         for number in range(options.tightenings):
             used = self._used(course, motion)
             if not motion.converged or used.within:
@@ -266,16 +253,16 @@ class MotionOptimiser:
         """The best motion of a tightened program, near the one before."""
         if not self.shortest:
             return self._solver.solved(case, motion.q, motion.multipliers)
-        wanted = replace(case.wanted, duration=motion.duration)
-        return self._timed(replace(case, wanted=wanted), motion.q, self._solver.solved)
+        conditions = replace(case.conditions, duration=motion.duration)
+        return self._timed(replace(case, conditions=conditions), motion.q, self._solver.solved)
 
-    def _case(self, course: Course, wanted: EndConditions) -> Case:
+    def _case(self, course: Course, conditions: EndConditions) -> Case:
         every = np.ones(len(course))
         return Case(
             course=course,
-            wanted=wanted,
+            conditions=conditions,
             kind=MotionKind.BEST,
-            smoothness=self.smoothness(wanted.duration),
+            smoothness=self.smoothness(conditions.duration),
             near=False,
             slack=self._options.slacks[0],
             speeds=self.speeds,

@@ -14,14 +14,7 @@ from copose.motion.search.refinement import Refiner
 
 
 def refuted(finisher: Refiner, course: Course, held: Ends, duration: float) -> Obstruction | None:
-    """The first precondition that does not hold; None where all do.
-
-    Args:
-        finisher: of the motion.
-        course: the layers of the graph.
-        held: where the motion begins and ends.
-        duration: s, as it is told.
-    """
+    """The first precondition that does not hold; None where all do."""
     return (
         _uncarried(finisher, course, duration)
         or _dropped(finisher, course, held)
@@ -32,7 +25,7 @@ def refuted(finisher: Refiner, course: Course, held: Ends, duration: float) -> O
 def _uncarried(finisher: Refiner, course: Course, duration: float) -> Obstruction | None:
     """Torques have to keep limits, and no contact wrenches carry the object at all."""
     moving = finisher.model.cell.dynamic_torque
-    if not (finisher.model.static or moving):
+    if not (finisher.model.cell.problem.constraints.static_torque or moving):
         return None
     k = finisher.drive.torques.uncarried(course, moving=moving)
     return None if k is None else uncarried(finisher.model, course, k, duration)
@@ -47,7 +40,7 @@ def _dropped(finisher: Refiner, course: Course, held: Ends) -> Obstruction | Non
         assert capacity is not None
         shares = holding_shares(model, capacity, course, k, q)
         if shares.max() > 1 + HELD:
-            return dropped(model, course, k, shares)
+            return dropped(model, k, shares)
     return None
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from copose.motion.search.candidates import Ends
-from copose.poses import Array
 from copose.posture import Planner
 from copose.problem import Problem
 from copose.results import Solution
@@ -39,9 +38,8 @@ def aim(problem: Problem, seed: int | None) -> Aim:
         solution = Planner(restricted).solve(seed=seed)
     if solution.after is None or solution.before is None:
         return Aim(solution, None, reachable)
-    first, last = (_stacked(posture.joints) for posture in (solution.before, solution.after))
+    first, last = (
+        np.concatenate([np.array(q) for q in posture.joints.values()])
+        for posture in (solution.before, solution.after)
+    )
     return Aim(solution, Ends(first, last), reachable)
-
-
-def _stacked(joints: dict[str, tuple[float, ...]]) -> Array:
-    return np.concatenate([np.array(q) for q in joints.values()])

@@ -39,50 +39,29 @@ class FinisherOptions:
 
 @dataclass(frozen=True, eq=False)
 class CheckedMotion:
-    """A motion as it is reported, checked between its knots.
+    """A motion as it is reported, checked between its knots."""
 
-    Attributes:
-        course: at its knots.
-        duration: s.
-        q: joints by arm, (n, n_i), closed.
-        driven: its rates.
-        error: the largest opening of the chain between knots, m or rad.
-        distance: the smallest of bodies there, m; None where none is kept.
-        fine: whether it needs no more knots.
-        missing: how much less than the clearance bodies keep between knots, m.
-        value: aggregate − smoothness · S; NaN before it is accepted.
-    """
-
-    course: Course
-    duration: float
-    q: list[Array]
-    driven: Driven
-    error: float
-    distance: float | None
-    fine: bool
-    missing: float = 0.0
-    value: float = np.nan
+    course: Course  # at its knots
+    duration: float  # s
+    q: list[Array]  # joints by arm, (n, n_i), closed
+    driven: Driven  # its rates
+    error: float  # the largest opening of the chain between knots, m or rad
+    distance: float | None  # the smallest of bodies there, m; None where none is kept
+    fine: bool  # whether it needs no more knots
+    missing: float = 0.0  # how much less than the clearance bodies keep between knots, m
+    value: float = np.nan  # aggregate − smoothness · S; NaN before it is accepted
 
 
 @dataclass(frozen=True, eq=False)
 class Refiner:
-    """Refinement of motions of a cell along a path.
+    """Refinement of motions of a cell along a path."""
 
-    Attributes:
-        path: what is asked.
-        journey: the object's.
-        model: what searches and measures postures.
-        shaper: builds and solves programs.
-        drive: computes rates and torques.
-        options: of the refinement.
-    """
-
-    path: PathSpec
-    journey: ObjectMotion
-    model: PostureModel
-    shaper: MotionOptimiser
-    drive: JointRates
-    options: FinisherOptions = FinisherOptions()
+    path: PathSpec  # what is asked
+    journey: ObjectMotion  # the object's
+    model: PostureModel  # what searches and measures postures
+    shaper: MotionOptimiser  # builds and solves programs
+    drive: JointRates  # computes rates and torques
+    options: FinisherOptions = FinisherOptions()  # of the refinement
 
     def course(self, count: int) -> Course:
         """The object's path at so many knots, uniform in time."""
@@ -98,29 +77,31 @@ class Refiner:
         aggregate, S = self.shaper.worth(course, q, duration)
         return aggregate - self.shaper.smoothness(duration) * S
 
-    def finished(self, best: OptimisedMotion, wanted: EndConditions) -> CheckedMotion | Obstruction:
+    def finished(
+        self, best: OptimisedMotion, conditions: EndConditions
+    ) -> CheckedMotion | Obstruction:
         """The motion with as many knots as are asked for, and as closure between them needs.
 
         Args:
             best: a motion with any number of knots.
-            wanted: what it has to keep.
+            conditions: what it has to keep.
         """
-        options, count, kept = self.options, self.path.knots, wanted.margin
+        options, count, kept = self.options, self.path.knots, conditions.margin
         while True:
             course, motion = self.course(count), best
-            if count != len(best.q) or self.shaper.kinked or wanted.margin > kept:
-                again = wanted.margin > kept and not self.shaper.shortest
-                beside = best.multipliers if again else None
+            if count != len(best.q) or self.shaper.kinked or conditions.margin > kept:
+                again = conditions.margin > kept and not self.shaper.shortest
+                warm = best.multipliers if again else None
                 closed = self._resampled(best, course)
-                motion = self.shaper.shaped(course, closed, wanted, near=True, beside=beside)
-            seen, kept = self._seen(course, motion), wanted.margin
-            margin = wanted.margin + options.excess * seen.missing + options.leeway
+                motion = self.shaper.shaped(course, closed, conditions, near=True, warm=warm)
+            seen, kept = self._seen(course, motion), conditions.margin
+            margin = conditions.margin + options.excess * seen.missing + options.leeway
             if motion.converged and seen.missing > 0 and margin <= self._most_margin:
                 # Bodies come nearer between knots than at them: there they keep more.
-                wanted, best = replace(wanted, margin=margin), motion
+                conditions, best = replace(conditions, margin=margin), motion
                 continue
             if motion.converged and seen.fine:
-                limited = replace(wanted, duration=motion.duration)
+                limited = replace(conditions, duration=motion.duration)
                 before, motion = motion, self.shaper.kept(course, motion, limited)
                 seen = seen if motion is before else self._seen(course, motion)
                 if motion.converged and seen.fine:
@@ -132,7 +113,7 @@ class Refiner:
                 count = 2 * count - 1
             if motion.converged and len(motion.q) >= len(best.q):
                 # Fewer knots would be a worse start than the route's own motion.
-                best, wanted = motion, replace(wanted, duration=motion.duration)
+                best, conditions = motion, replace(conditions, duration=motion.duration)
             elif not motion.converged and count > options.failed * max(
                 self.path.knots, len(best.q)
             ):
@@ -177,7 +158,7 @@ class Refiner:
             return True
         postures = zip(course.settings, motion.q, strict=True)
         return not self.model.feasibility.judged and all(
-            self.model.clear(s, q[None])[0] for s, q in postures
+            self.model.feasibility.clear(s, q[None])[0] for s, q in postures
         )
 
     def _seen(self, course: Course, motion: OptimisedMotion) -> CheckedMotion:

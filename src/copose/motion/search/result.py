@@ -36,31 +36,18 @@ from copose.version import __version__
 
 @dataclass
 class Answer:
-    """The parts that all results for one path share.
+    """The parts that all results for one path share."""
 
-    Attributes:
-        problem: as asked.
-        path: its ``[path]``.
-        cell: with the arms.
-        objective: what is maximised.
-        build_s: seconds that building took.
-        began: when planning did.
-        compiled: whether compiled kernels are in use.
-        duration: s; where the shortest is sought, the one that is reckoned with.
-        notes: what a reader should know.
-        reachable: of a motion to the best posture, whether that can be reached.
-    """
-
-    problem: Problem
-    path: PathSpec
-    cell: Cell
-    objective: Objective
-    build_s: float
-    began: float
-    compiled: bool = False
-    duration: float = 0.0
-    notes: list[str] = field(default_factory=list)
-    reachable: bool | None = None
+    problem: Problem  # as asked
+    path: PathSpec  # its ``[path]``
+    cell: Cell  # with the arms
+    objective: Objective  # what is maximised
+    build_s: float  # seconds that building took
+    began: float  # when planning did
+    compiled: bool = False  # whether compiled kernels are in use
+    duration: float = 0.0  # s; where the shortest is sought, the one that is reckoned with
+    notes: list[str] = field(default_factory=list)  # what a reader should know
+    reachable: bool | None = None  # of a motion to the best posture, whether that can be reached
 
     def __post_init__(self) -> None:
         """The duration asked for, a second where it is sought."""

@@ -10,7 +10,7 @@ import numpy as np
 from copose.errors import InputError, arm_key
 from copose.poses import Array
 from copose.posture.model import PostureModel
-from copose.posture.reachable.components import rails_of
+from copose.posture.reachable.components import manifold_of
 from copose.posture.search.effort import EFFORTS
 from copose.posture.setting import Setting
 from copose.self_motion.curves.arc_length import Track
@@ -43,16 +43,9 @@ class Branches:
 
     @classmethod
     def again(cls, known: SelfMotionCurve, setting: Setting, i: int, q: Array) -> Branches | None:
-        """The branches of arm i found before, with the arm elsewhere on one of them.
+        """The branches of arm i as known before, with its posture q, (n,), on one of them.
 
-        Args:
-            known: the self-motion found before, with its others.
-            setting: where the object is.
-            i: the arm.
-            q: its posture, (n,).
-
-        Returns:
-            None where the posture is on none of them, or limits or grasp have changed.
+        None where the posture is on none of them, or limits or grasp have changed.
         """
         limits, goal = JointRange.of(setting.cell, i), setting.placement.goals[i]
         alike = [np.array_equal(limits.lower, known.limits.lower)]
@@ -74,13 +67,9 @@ class Branches:
 def held_postures(
     model: PostureModel, setting: Setting, joints: Sequence[Array], near: float = 1e-3
 ) -> tuple[Array, ...]:
-    """A posture projected onto the closure, by arm (n_i,).
+    """A posture, by arm (n_i,), projected onto the closure.
 
-    Args:
-        model: the posture arm_kernels.
-        setting: where the object is.
-        joints: the posture, by arm (n_i,).
-        near: gap, m or rad, up to which an arm counts as holding the object.
+    An arm whose gap is at most ``near``, m or rad, counts as holding the object.
 
     Raises:
         InputError: an arm does not hold the object.
@@ -102,33 +91,28 @@ def held_postures(
 def branches(
     model: PostureModel, setting: Setting, joints: Sequence[Array], arms: Sequence[int], seed: int
 ) -> list[Branches]:
-    """The self-motions of some arms, each with one degree of freedom to spare.
+    """The self-motions of some arms, by number, each with one degree of freedom to spare.
 
-    Args:
-        model: the posture arm_kernels.
-        setting: where the object is.
-        joints: closed postures by arm, (n_i,).
-        arms: their numbers.
-        seed: of the random postures from which self-motions are traced.
+    They are traced from random postures; those of ``joints``, by arm (n_i,), are closed.
     """
     seeds = {i: _seeds(model, setting, i, joints[i], seed) for i in arms}
     curves: dict[int, list[Curve]] = {}
     for arm_kernels in dict.fromkeys(model.arms[i] for i in arms):
-        mates = [i for i in arms if model.arms[i] is arm_kernels]
-        rows = np.repeat(np.arange(len(mates)), [len(seeds[i]) for i in mates])
-        rails = _freed(model, setting, mates).taken(rows)
+        members = [i for i in arms if model.arms[i] is arm_kernels]
+        rows = np.repeat(np.arange(len(members)), [len(seeds[i]) for i in members])
+        manifold = _freed(model, setting, members).taken(rows)
         options = TracingOptions(longest=0.3)
-        traced = follow(rails, np.vstack([seeds[i] for i in mates]), options=options)
-        for k, i in enumerate(mates):
+        traced = follow(manifold, np.vstack([seeds[i] for i in members]), options=options)
+        for k, i in enumerate(members):
             curves[i] = [traced[row] for row in np.flatnonzero(rows == k)]
     return [_sorted(setting, i, joints[i], seeds[i], curves[i]) for i in arms]
 
 
 def _freed(model: PostureModel, setting: Setting, arms: Sequence[int]) -> ClosureManifold:
-    """Closure of arms of one arm_kernels, without the limits of revolute joints."""
+    """Closure of arms of one model, without the limits of revolute joints."""
     limits = [JointRange.of(setting.cell, i) for i in arms]
     return replace(
-        rails_of(model, setting, arms),
+        manifold_of(model, setting, arms),
         lower=np.array([limit.freed[0] for limit in limits]),
         upper=np.array([limit.freed[1] for limit in limits]),
         unlimited=np.array([limit.revolute for limit in limits]),

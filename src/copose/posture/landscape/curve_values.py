@@ -33,8 +33,8 @@ def self_motions(
         joints: the posture, by arm (n_i,).
         arms: their numbers.
         seed: of the random postures from which self-motions are traced.
-        known: self-motions of these arms at this pose of the object, from an earlier call: while
-            the arms are on them nothing is traced again.
+        known: of an earlier call at this pose of the object: while the arms are on them nothing is
+            traced again.
 
     Raises:
         InputError: an arm does not hold the object, or has not one degree of freedom to spare.
@@ -112,14 +112,14 @@ def _along(
         clear[inside] = kept_clear(setting, postures, chosen)
     if model.feasibility.judged and inside.any():
         held = held.copy()
-        held[inside] = model.held(setting, stacked[inside])
+        held[inside] = model.feasibility.held(setting, stacked[inside])
     return replace(curve, objective=values, clear=clear, held=held)
 
 
 def slow(model: PostureModel) -> bool:
     """True if the linear programs of a posture are many, or large by limits of contacts."""
     capacity = model.capacity
-    return model.dear or (capacity is not None and len(capacity.bounds.matrix) > 0)
+    return model.objective.costly or (capacity is not None and len(capacity.bounds.matrix) > 0)
 
 
 def objectives_of(model: PostureModel, setting: Setting, q: Sequence[Array]) -> Array:
@@ -132,12 +132,9 @@ def objectives_of(model: PostureModel, setting: Setting, q: Sequence[Array]) -> 
 
 
 def kept_clear(setting: Setting, postures: Sequence[Array], chosen: Indices) -> Mask:
-    """Combinations of the arms' postures that keep the clearance, as a mask, (count,).
+    """Mask of combinations of postures by arm, (count_i, n_i), that keep the clearance, (count,).
 
-    Args:
-        setting: where the object is, with bodies.
-        postures: by arm, (count_i, n_i).
-        chosen: numbers of postures of a combination, (count, K).
+    They are chosen by the numbers of the arms' postures, (count, K).
     """
     bodies = setting.bodies
     assert bodies is not None

@@ -85,17 +85,10 @@ def landscape(
     known: Sequence[SelfMotionCurve] = (),
     options: GridOptions = GridOptions(),
 ) -> Landscape:
-    """The map over the self-motions of two arms.
+    """The map over the self-motions of two arms through a posture, by arm (n_i,).
 
-    Args:
-        model: the posture model.
-        setting: where the object is.
-        joints: the posture, by arm (n_i,).
-        arms: numbers of both.
-        seed: as for `self_motions`.
-        every: whether the other pairs of self-motions are mapped too.
-        known: as for `self_motions`.
-        options: size of the grid.
+    With ``every`` the other pairs of self-motions are mapped too; ``known`` is as for
+    `self_motions`.
 
     Raises:
         InputError: as for `self_motions`.
@@ -145,13 +138,13 @@ def _mapped(
         allowed[allowed] = kept_clear(setting, postures, chosen)
     if model.feasibility.judged and allowed.any():
         rows = allowed.ravel()
-        allowed[allowed] = model.held(setting, np.hstack(every)[rows])
+        allowed[allowed] = model.feasibility.held(setting, np.hstack(every)[rows])
     present = None
     if first.present is not None and second.present is not None and first.value is not None:
         present = first.present, second.present, first.value
     return Landscape(
         first=first, second=second, rows=s[0], columns=s[1], values=values, allowed=allowed,
-        estimated=model.dear, unit=setting.objective.unit, present=present,
+        estimated=model.objective.costly, unit=setting.objective.unit, present=present,
     )  # fmt: skip
 
 

@@ -66,14 +66,9 @@ class LocalSearches:
         options: ClimbOptions = ClimbOptions(),
         known: Sequence[LocalOptimum] = (),
     ) -> None:
-        """Begin with nothing but what is known.
+        """Begin with nothing but optima of another search that are known and count among the ends.
 
-        Args:
-            model: what is built.
-            setting: where the object is.
-            most: starts that are climbed from, which says how many ends IPOPT may go on from.
-            options: how starts are batched and ends compared.
-            known: optima of another search that count among the ends.
+        As many starts as are climbed from at most, so many ends IPOPT may go on from.
         """
         most = options.finished if most is None else most
         self._finished = min(most, options.finished)
@@ -111,12 +106,8 @@ class LocalSearches:
     def responses(self, i: int, closed: Array, most: int) -> Array:
         """Local optima of arm i alone while the others are as in the best end, (count, n_i).
 
-        Where no Newton step climbs they are its best postures there.
-
-        Args:
-            i: the arm.
-            closed: its postures to start from, (count, n_i).
-            most: of them that are polished.
+        Of its closed postures, (count, n_i), so many are polished at most; where no Newton step
+        climbs the best of them stand for the optima.
         """
         model, setting = self.model, self.setting
         cell = setting.cell
@@ -127,7 +118,7 @@ class LocalSearches:
         scores = model.score.value(model.terms(setting, i, closed) + rest, setting.given)
         scores = scores[:, 0]
         starts = closed[np.argsort(-scores, kind="stable")[:most]]
-        if not model.newton:
+        if not model.objective.summable:
             return np.asarray(starts)
         own = model.objective.sums.size(cell.system.space)
         ends = model.polisher(setting, i, rest[:own]).polish(starts)
@@ -140,18 +131,15 @@ class LocalSearches:
         return np.asarray(starts[np.array(new, dtype=bool)])
 
     def add_promising(self, starts: Array, scores: Array) -> None:
-        """Climb from starts, best first, until the next would have to gain far more than any has.
-
-        Args:
-            starts: closed postures, (count, N).
-            scores: their scores, (count,).
+        """Climb from starts, (count, N), with their scores, (count,), best first, until the next
+        would have to gain far more than any has.
         """
-        options, newton = self.options, self.model.newton
+        options, newton = self.options, self.model.objective.summable
         gained, best = 0.0, -np.inf
         first, together = 0, options.batch if newton else options.first_batch
         while first < len(starts):
             rows = slice(first, first + together)
-            if not self.model.dear and scores[first] + options.hope * gained < best:
+            if not self.model.objective.costly and scores[first] + options.hope * gained < best:
                 break
             ends = self.add(starts[rows])
             best = max(best, ends.max(initial=-np.inf))
@@ -166,11 +154,11 @@ class LocalSearches:
             return np.zeros(0)
         stage("polishing", self.starts)
         self.starts += len(starts)
-        if not model.newton:
+        if not model.objective.summable:
             return self._solve(starts)
         ends = model.polisher(setting).polish(starts)
-        held = model.allowed(setting, ends.q)
-        solved = ends.converged & model.smooth & held
+        held = model.feasibility.allowed(setting, ends.q)
+        solved = ends.converged & model.objective.smooth & held
         values = model.objectives(setting, ends.q)
         for q, value in zip(ends.q[solved], values[solved], strict=True):
             self.keep(q, value)
@@ -180,13 +168,13 @@ class LocalSearches:
         stopped = np.flatnonzero(~held)
         if setting.bodies is not None:
             stopped = stopped[ends.value[stopped] > self.best]
-        stopped = stopped[model.allowed(setting, starts[stopped])]
+        stopped = stopped[model.feasibility.allowed(setting, starts[stopped])]
         if setting.bodies is not None:
             scores = model.objectives(setting, starts[stopped])
             stopped = stopped[np.argsort(-scores, kind="stable")[: self._stopped]]
             self._stopped -= len(stopped)
         left = np.vstack([left, starts[stopped]])
-        if model.smooth:
+        if model.objective.smooth:
             stalled = int((~solved).sum()) - len(left)
             if setting.bodies is not None:
                 # What bodies stop has not failed.
@@ -199,7 +187,7 @@ class LocalSearches:
         """Ends that are not settled and that IPOPT has to go on from, (count, N)."""
         order = np.argsort(-ends.value, kind="stable")
         order = order[~settled[order] & np.isfinite(ends.value[order])]
-        if self.model.smooth:
+        if self.model.objective.smooth:
             best = ends.value[settled].max(initial=-np.inf)
             near = order[ends.value[order] > best - self.options.near_best]
             return np.asarray(ends.q[near[: self._finished]])

@@ -47,7 +47,7 @@ def local_solve(model: PostureModel, setting: Setting, joints: Sequence[Array]) 
         q.append(closed)
         gaps.append(gap[0])
     start = np.hstack(q)
-    if model.smooth and not model.feasibility.judged:
+    if model.objective.smooth and not model.feasibility.judged:
         polished = model.polisher(setting).polish(start)
         end, value, error = polished.q[0], polished.value[0], polished.error[0]
         converged = bool(polished.converged[0])

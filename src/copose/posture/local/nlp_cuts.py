@@ -16,7 +16,6 @@ from copose.collision import Witness
 from copose.constraints.clearance import SPARE, Apart, held_back, of_two, rows_of
 from copose.objectives.objective import Cuts
 from copose.poses import Array
-from copose.posture.feasibility import Feasibility
 from copose.posture.model import PostureModel
 from copose.posture.setting import Setting
 from copose.posture.solvers.constraint_generation import GenerationOptions, Step, generate
@@ -42,32 +41,25 @@ class CutOptions:
     hope: float = 3.0  # times what the best has gained, that others may be below it
 
 
+@dataclass(frozen=True, eq=False)
 class NlpCuts:
-    """Runs of IPOPT from postures, until nothing that counts was left out.
+    """Runs of IPOPT from postures, until nothing that counts was left out."""
 
-    Attributes:
-        model: built kernels and programs.
-        feasibility: of its constraints.
-        options: when programs are solved again.
-    """
-
-    def __init__(self, model: PostureModel, options: CutOptions = CutOptions()) -> None:
-        """For one model."""
-        self.model, self.options = model, options
-        self.feasibility: Feasibility = model.feasibility
+    model: PostureModel
+    options: CutOptions = CutOptions()
 
     def solve(self, setting: Setting, q: Array) -> Iterator[LocalSolve]:
         """Ends of local solves from postures, (count, N)."""
         objective, model = setting.objective, self.model
         if all(arm.fixed for arm in setting.cell.arms):
             # IPOPT refuses a program without freedom, in which each posture is its own optimum.
-            for start, allowed in zip(q, self.feasibility.allowed(setting, q), strict=True):
+            for start, allowed in zip(q, self.model.feasibility.allowed(setting, q), strict=True):
                 yield LocalSolve(start, bool(allowed), "Fixed", {}, 0.0)
             return
         cuts = objective.cuts(setting, model.split(q))
         if objective.costly:
-            for start, some in zip(q, cuts, strict=True):
-                yield self._exchanged(setting, start, some)
+            for start, own in zip(q, cuts, strict=True):
+                yield self._exchanged(setting, start, own)
             return
         ends = self._programs(setting, q, cuts)
         if not objective.piecewise:
@@ -75,24 +67,24 @@ class NlpCuts:
             return
         values = model.objectives(setting, np.array([end.q for end in ends]))
         lost = ~(values >= model.objectives(setting, q) - self.options.loss * (1 + np.abs(values)))
-        for start, end, some, leave in zip(q, ends, cuts, lost, strict=True):
+        for start, end, own, left in zip(q, ends, cuts, lost, strict=True):
             # It has left for a worse optimum, or failed.
-            yield self._exchanged(setting, start, some) if leave else end
+            yield self._exchanged(setting, start, own) if left else end
 
     def _exchanged(self, setting: Setting, start: Array, cuts: Cuts) -> LocalSolve:
         """Programs until no demand is left out, each better than the one before."""
         objective, model, generation = setting.objective, self.model, self.options.generation
         lower, upper = setting.bounds
 
-        def solve(here: LocalSolve, cuts: Cuts, room: float) -> Step[LocalSolve, Cuts] | None:
-            box = np.maximum(lower, here.q - room), np.minimum(upper, here.q + room)
-            end = self._programs(setting, here.q[None], [cuts], box)[0]
+        def solve(origin: LocalSolve, cuts: Cuts, room: float) -> Step[LocalSolve, Cuts] | None:
+            box = np.maximum(lower, origin.q - room), np.minimum(upper, origin.q + room)
+            end = self._programs(setting, origin.q[None], [cuts], box)[0]
             if not end.converged:
                 return None
             parts = model.split(end.q[None])
             value = objective.values(setting, parts)[0]
             violated = objective.more_cuts(setting, parts, cuts)
-            return Step(end, value, float(np.abs(end.q - here.q).max()), violated)
+            return Step(end, value, float(np.abs(end.q - origin.q).max()), violated)
 
         def accepts(step: Step[LocalSolve, Cuts], best: float, accepted: bool) -> bool:
             still = not accepted and step.way < generation.smallest_box
@@ -211,7 +203,7 @@ class NlpCuts:
             following = run(rows, end.q, bounds, self.options.exact - SPARE)
             gain = self._value(setting, following.q) - value
             better = following.converged and gain > 0
-            if not (better and self.feasibility.clear(setting, following.q[None])[0]):
+            if not (better and self.model.feasibility.clear(setting, following.q[None])[0]):
                 break
             end, value = following, value + gain
             if gain < self.options.gain:
@@ -225,19 +217,16 @@ class NlpCuts:
 
     def near(self, setting: Setting, q: Array) -> tuple[Witness, ...]:
         """Bodies that matter to a program that starts at a posture, (N,), the nearest first."""
-        near = of_two(self._witnesses(setting, q, self.options.near))
+        near = of_two(self.witnesses(setting, q, self.options.near))
         if near:
             return near
-        far = self._witnesses(setting, q, self.options.far, roughly=True)
+        far = self.witnesses(setting, q, self.options.far, roughly=True)
         return of_two(far)[: self.options.fewest]
 
-    def runs_into(self, setting: Setting, q: Array) -> tuple[Witness, ...]:
-        """Bodies that a program has let come too near at its end, (N,)."""
-        return self._witnesses(setting, q, 0.0)
-
-    def _witnesses(
-        self, setting: Setting, q: Array, beyond: float, *, roughly: bool = False
+    def witnesses(
+        self, setting: Setting, q: Array, beyond: float = 0.0, *, roughly: bool = False
     ) -> tuple[Witness, ...]:
+        """Bodies nearer than the clearance, and so much beyond, at a posture, (N,)."""
         bodies = setting.bodies
         if bodies is None:
             return ()
@@ -290,5 +279,5 @@ class NlpCuts:
         """
         objective, parts = setting.objective, self.model.split(q)
         starts = [objective.starts(setting, parts, cuts)]
-        starts += [c.starts(setting, parts) for c in self.feasibility.constraints]
-        return [objective.program_numbers(setting, some) for some in cuts], np.hstack(starts)
+        starts += [c.starts(setting, parts) for c in self.model.feasibility.constraints]
+        return [objective.program_numbers(setting, own) for own in cuts], np.hstack(starts)

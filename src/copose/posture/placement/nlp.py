@@ -45,14 +45,7 @@ class PlacementNlp:
         weights: Sequence[float],
         options: PlacementNlpOptions = PlacementNlpOptions(),
     ) -> None:
-        """Solve nothing yet.
-
-        Args:
-            model: what is built.
-            cases: the cell in every case.
-            weights: of the cases' objectives.
-            options: of the runs.
-        """
+        """Programs of a model for the cell in every case, with weights of the cases' objectives."""
         self._model, self._cases, self._weights = model, cases, weights
         self._places, self._options = model.places, options
         self.failures: list[LocalSolve] = []
@@ -103,7 +96,7 @@ class PlacementNlp:
         q = np.split(variables[: len(variables) - size], len(self._cases))
         x = self._places.parted(variables[len(variables) - size :])
         values = [
-            self._model.objectives(self.setting(k, x[k]), mine[None])[0] for k, mine in enumerate(q)
+            self._model.objectives(self.setting(k, x[k]), q_k[None])[0] for k, q_k in enumerate(q)
         ]
         total = float(np.dot(self._weights, values))
         return Placed(tuple(x), tuple(q), total if np.isfinite(total) else -np.inf)
@@ -167,7 +160,7 @@ class PlacementNlp:
                 return end
             placed = self._evaluated(end.q)
             hits = [
-                programs.runs_into(self.setting(k, x), q)
+                programs.witnesses(self.setting(k, x), q)
                 for k, (x, q) in enumerate(zip(placed.x, placed.q, strict=True))
             ]
             if not any(hits):

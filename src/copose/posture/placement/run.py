@@ -164,7 +164,8 @@ class PlacedRun:
         if len(outcome.first) < len(xs):
             return None, ()
         cases, notes = [], list[str]()
-        for k, (first, name) in enumerate(zip(outcome.first, search.case_names, strict=True)):
+        names = self.run.model.places.cases
+        for k, (first, name) in enumerate(zip(outcome.first, names, strict=True)):
             if not first.closed:
                 return None, ("at the file's pose no posture closes the chain",)
             measured, start_notes = self._acceptance(search, k, xs[k]).before(first.samples)
@@ -210,7 +211,7 @@ class PlacedRun:
         if not alone:
             wherever = f"; none of {outcome.tried} placements within the free ranges does better"
         settings = [search.setting(k, x) for k, x in enumerate(search.nominal)]
-        in_case = [f"in case {name!r} " if name else "" for name in search.case_names]
+        in_case = [f"in case {name!r} " if name else "" for name in self.run.model.places.cases]
         for setting, first, prefix in zip(settings, outcome.first, in_case, strict=False):
             if not first.closed:
                 joints, reason, sure = misses(
@@ -229,7 +230,7 @@ class PlacedRun:
             if beyond is not None:
                 reason, sure = beyond
                 return _status(sure and alone), reason + wherever, None
-        ways = [each.status for each in failure_records(outcome.failures)]
+        ways = [failure.status for failure in failure_records(outcome.failures)]
         return "failed", "no local solve converged: " + ", ".join(ways), None
 
 
@@ -249,12 +250,12 @@ def _search_record(
     best = outcome.best_sample
     samples = {}
     for i, arm in enumerate(cell.arms):
-        each = [found.samples[i] for found in outcome.searches if len(found.samples) > i]
-        branches = [sample.branches for sample in each if sample.branches is not None]
+        drawn = [one.samples[i] for one in outcome.searches if len(one.samples) > i]
+        branches = [sample.branches for sample in drawn if sample.branches is not None]
         samples[arm.name] = SampleRecord(
-            tried=sum(sample.tried for sample in each),
-            closed=sum(len(sample.closed) for sample in each),
-            branches=sum(branches) if len(branches) == len(each) and each else None,
+            tried=sum(sample.tried for sample in drawn),
+            closed=sum(len(sample.closed) for sample in drawn),
+            branches=sum(branches) if len(branches) == len(drawn) and drawn else None,
         )
     return SearchRecord(
         seed=seed,

@@ -19,13 +19,7 @@ class PlacementSampler:
     """Draws placements: values of the free coordinates of all cases."""
 
     def __init__(self, places: Places, cases: Sequence[Cell], seed: int) -> None:
-        """Draw nothing yet.
-
-        Args:
-            places: what is free.
-            cases: the cell in every case.
-            seed: of everything that is drawn.
-        """
+        """A sampler of what is free, for the cell in every case."""
         self._places, self._cases, self._seed = places, cases, seed
         self._freedom = places.freedom
 
@@ -40,12 +34,7 @@ class PlacementSampler:
         return (x,) * len(self._cases)
 
     def scattered(self, count: int, turn: int) -> Array:
-        """Points evenly scattered over the ranges, (count, d).
-
-        Args:
-            count: how many.
-            turn: which of several such sets.
-        """
+        """Points evenly scattered over the ranges, (count, d); ``turn`` tells such sets apart."""
         # What scipy.stats loads, and itself: all at once that takes longer than a call may that has
         # to end.
         parts = "linalg", "sparse", "special", "spatial", "optimize", "interpolate", "stats"
@@ -60,13 +49,7 @@ class PlacementSampler:
         return np.asarray(low + points[:count] * (high - low))
 
     def around(self, xs: FreePoses, count: int, near: float) -> Iterator[FreePoses]:
-        """Placements near one.
-
-        Args:
-            xs: the one.
-            count: how many are drawn.
-            near: share of the ranges within which they are.
-        """
+        """Placements drawn around one, within this share of the ranges."""
         if not len(self._freedom):
             return
         rng = np.random.default_rng([self._seed, 9])

@@ -61,17 +61,10 @@ class PlacementSearch:
     """
 
     def __init__(self, model: PostureModel, cell: Cell, seed: int, effort: Effort) -> None:
-        """Begin with nothing found.
-
-        Args:
-            model: what is built.
-            cell: one of the model's, with its object where it is.
-            seed: of everything that is drawn.
-            effort: how much is tried.
-        """
+        """A search in a cell of the model, with its object where it is; nothing is tried yet."""
         self._model, self._seed = model, seed
         self._options, self._same = effort.placing, effort.climbing.same
-        self._places, self._freedom = model.places, model.places.freedom
+        self._freedom = model.places.freedom
         self._cases = cell.cases
         self.weights = [case.weight for case in cell.problem.cases] or [1.0]
         self._sampler = PlacementSampler(model.places, self._cases, seed)
@@ -86,11 +79,6 @@ class PlacementSearch:
     def nominal(self) -> FreePoses:
         """The file's placement, clipped into the ranges, and held by fixed arms."""
         return self._sampler.nominal
-
-    @property
-    def case_names(self) -> tuple[str, ...]:
-        """Names of the cases; one without a name where there are none."""
-        return self._places.cases
 
     def setting(self, k: int, x: Array) -> Setting:
         """Case k with everything moved by x, (d,)."""
@@ -112,7 +100,8 @@ class PlacementSearch:
             best = self._gathered(self._ends)[: options.ends if len(self._cases) > 1 else 1]
             stage("searching where placements ended")
             starts = self._starts_near(best)
-            self._climb(self._unlike(starts, self._ends))
+            known, least = self._ends, options.same
+            self._climb([s for s in starts if all(self._apart(s, e) > least for e in known)])
             if not max(end.value for end in self._ends) > best[0].value + self._same.objective:
                 break
         return self._outcome(self._gathered(self._ends))
@@ -149,20 +138,20 @@ class PlacementSearch:
     def _most(self) -> int:
         """Placements that are searched."""
         options = self._options
-        costly = 1 if self._model.smooth else options.costly
+        costly = 1 if self._model.objective.smooth else options.costly
         count = options.one << max(0, len(self._freedom) - 1)
         return max(8, min(count, options.most) // costly)
 
     @property
     def _cost(self) -> int:
         """Cost of a program here, in programs for the volume of one case."""
-        return len(self._cases) * (1 if self._model.smooth else self._options.costly)
+        return len(self._cases) * (1 if self._model.objective.smooth else self._options.costly)
 
     @property
     def _glance(self) -> Effort:
         """Effort at each placement."""
         low = EFFORTS["low"]
-        polished = low.polished if self._model.smooth else self._options.glanced
+        polished = low.polished if self._model.objective.smooth else self._options.glanced
         return replace(low, polished=polished, insistence=0)
 
     def _hopeless(self, first: Sequence[SearchOutcome]) -> bool:
@@ -261,11 +250,6 @@ class PlacementSearch:
             )
 
         return far_apart(starts, far, most)
-
-    def _unlike(self, starts: Sequence[Placed], ends: Sequence[Placed]) -> list[Placed]:
-        """Starts that are no ends."""
-        least = self._options.same
-        return [s for s in starts if all(self._apart(s, end) > least for end in ends)]
 
     def _gathered(self, ends: Sequence[Placed]) -> list[Placed]:
         """Distinct ends, best first, with how many ended in each."""

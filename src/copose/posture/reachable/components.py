@@ -31,35 +31,35 @@ class Component:
     Attributes:
         postures: within limits and margins, the start first, (count, n).
         start: where the arm is, (n,).
-        rails: its closure and limits.
+        manifold: its closure and limits.
         curve: with one degree of freedom to spare.
         complete: whether the component has no other postures.
     """
 
     postures: Array
     start: Array
-    rails: ClosureManifold
+    manifold: ClosureManifold
     curve: Curve | None
     complete: bool
 
     def holds(self, q: Array) -> bool | None:
         """True if a closed posture, (n,), belongs to it; None where that cannot be said."""
-        rails = self.rails
-        if same_posture(rails, q, self.start):
+        manifold = self.manifold
+        if same_posture(manifold, q, self.start):
             return True
         if self.curve is not None:
             return True if self.curve.place(q) is not None else known_if(self.complete)
-        if self.complete or rails.spare <= 0 or len(self.postures) == 0:
+        if self.complete or manifold.spare <= 0 or len(self.postures) == 0:
             return known_if(self.complete)
-        apart = np.linalg.norm(rails.many(len(self.postures)).wrapped(self.postures - q), axis=1)
+        apart = np.linalg.norm(manifold.many(len(self.postures)).wrapped(self.postures - q), axis=1)
         walked_from = 4  # nearest postures of the component
         near = self.postures[np.argsort(apart, kind="stable")[:walked_from]]
-        many = rails.many(len(near))
+        many = manifold.many(len(near))
         to = np.tile(q, (len(near), 1))
         return bool(walk(many, near, to)[0].any() or walk(many, to, near)[0].any()) or None
 
 
-def rails_of(model: PostureModel, setting: Setting, arms: Sequence[int]) -> ClosureManifold:
+def manifold_of(model: PostureModel, setting: Setting, arms: Sequence[int]) -> ClosureManifold:
     """Closure and limits of arms of one model."""
     cell = setting.cell
     return ClosureManifold(
@@ -79,37 +79,33 @@ def component(
     sample: Array | None = None,
     spacing: float = TracingOptions.longest,
 ) -> Component:
-    """The component that a closed posture of arm i is in.
+    """The component that a closed posture of arm i, (n,), is in.
 
-    Args:
-        model: the posture model.
-        setting: where the object is.
-        i: number of the arm.
-        start: the posture, (n,).
-        sample: closed postures, (count, n): with several degrees of freedom to spare the component
-            is those of them that walks connect with the start.
-        spacing: of postures along a curve, at most, rad (or m).
+    With several degrees of freedom to spare it is those of a sample of closed postures, (count, n),
+    that walks connect with it; on a curve they are ``spacing`` apart at most, rad (or m).
     """
-    cell, rails = setting.cell, rails_of(model, setting, [i])
+    cell, manifold = setting.cell, manifold_of(model, setting, [i])
     curve, points = None, start[None]
     fixed, complete = cell.arms[i].fixed, True
-    if not fixed and rails.spare == 1:
-        curve = follow(rails, start[None], options=TracingOptions(longest=spacing))[0]
+    if not fixed and manifold.spare == 1:
+        curve = follow(manifold, start[None], options=TracingOptions(longest=spacing))[0]
         points, complete = np.vstack([points, curve.points]), curve.complete
-    elif not fixed and rails.spare > 1:
+    elif not fixed and manifold.spare > 1:
         others = points[:0] if sample is None else sample
         nodes = np.vstack([points, others])
-        points, complete = nodes[connected(rails, nodes)], False
+        points, complete = nodes[connected(manifold, nodes)], False
     elif not fixed:
-        complete = isolated(rails, start)
+        complete = isolated(manifold, start)
     lower, upper = cell.lower[i], cell.upper[i]
     slack = np.maximum(np.maximum(lower - points, points - upper), 0.0).max(axis=1)
     points = points[slack <= CLOSED]
     # The start itself comes first, as it is; repetitions of it are left out.
-    again = same_postures(rails, points, start)
+    again = same_postures(manifold, points, start)
     points, first = points[~again], points[again][:1]
-    ends, gaps = project(rails.kernels, points, rails.goals[0], lower, upper, steps=9, closed=1e-13)
-    return Component(np.vstack([first, ends[gaps <= CLOSED]]), start, rails, curve, complete)
+    ends, gaps = project(
+        manifold.kernels, points, manifold.goals[0], lower, upper, steps=9, closed=1e-13
+    )
+    return Component(np.vstack([first, ends[gaps <= CLOSED]]), start, manifold, curve, complete)
 
 
 def _unlimited(cell: Cell, i: int) -> Array:
@@ -123,25 +119,22 @@ def known_if(complete: bool) -> bool | None:
     return False if complete else None
 
 
-def isolated(rails: ClosureManifold, q: Array, singular: float = 1e-7) -> bool:
-    """True if an arm with no degree of freedom to spare cannot move at a posture.
+def isolated(manifold: ClosureManifold, q: Array, singular: float = 1e-7) -> bool:
+    """True if an arm with no degree of freedom to spare cannot move at a posture, (n,).
 
-    Args:
-        rails: closure and limits of the arm.
-        q: the posture.
-        singular: ratio of the singular values of the closure's derivative that counts as zero.
+    ``singular`` is the ratio of the closure derivative's singular values that counts as zero.
     """
-    _, J = rails.kernels.residual(q[None], rails.goals)
+    _, J = manifold.kernels.residual(q[None], manifold.goals)
     size = np.linalg.svd(J[0], compute_uv=False)
-    return bool(len(size) == rails.kernels.n and size[-1] > singular * size[0])
+    return bool(len(size) == manifold.kernels.n and size[-1] > singular * size[0])
 
 
-def same_postures(rails: ClosureManifold, q: Array, start: Array) -> Mask:
+def same_postures(manifold: ClosureManifold, q: Array, start: Array) -> Mask:
     """Mask of postures of one arm, (count, n), that are another, (n,), whole turns apart."""
     tolerance = 1e-6  # of a joint, rad or m
-    return np.asarray(np.abs(rails.many(len(q)).wrapped(q - start)).max(axis=1) <= tolerance)
+    return np.asarray(np.abs(manifold.many(len(q)).wrapped(q - start)).max(axis=1) <= tolerance)
 
 
-def same_posture(rails: ClosureManifold, q: Array, start: Array) -> bool:
+def same_posture(manifold: ClosureManifold, q: Array, start: Array) -> bool:
     """True if two postures of one arm, (n,), are the same, whole turns apart."""
-    return bool(same_postures(rails, q[None], start)[0])
+    return bool(same_postures(manifold, q[None], start)[0])

@@ -40,14 +40,7 @@ class CurveNodes:
     def along(
         cls, curve: Curve, start: Array, end: Array | None, spacing: float = 0.05
     ) -> CurveNodes:
-        """Nodes along a curve through start and end.
-
-        Args:
-            curve: the self-motion.
-            start: a posture on it, (n,).
-            end: another; None where there is none.
-            spacing: of the nodes, rad (or m), at most.
-        """
+        """Nodes along a curve through start and, if any, end, (n,); spacing in rad (or m)."""
         parts = [np.linspace(0.0, far, max(1, int(np.ceil(far / spacing))), endpoint=False)
                  for far in curve.lengths]  # fmt: skip
         rows = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
@@ -107,7 +100,7 @@ def one_after_another(model: PostureModel, setting: Setting, arms: Sequence[Curv
                 q = np.hstack([way if j == i else np.tile(x, (len(way), 1))
                                for j, x in enumerate(present)])  # fmt: skip
                 present[i] = way[-1]
-                clear = bool(model.clear(setting, q).all())
+                clear = bool(model.feasibility.clear(setting, q).all())
                 if not clear:
                     break
             if clear:

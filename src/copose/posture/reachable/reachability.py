@@ -2,7 +2,7 @@
 
 The object stands still. Two postures can be reached from each other where those of each arm are in
 one connected component of its closed postures, see `components`. Where bodies must keep a
-clearance, so must the motion, see `moving_clear`; torque limits are asked of the postures at its
+clearance, so must the motion, see `coordination`; torque limits are asked of the postures at its
 ends alone.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 from copose.cell.cell import Cell
 from copose.poses import Array
 from copose.posture.model import PostureModel
-from copose.posture.reachable.components import isolated, known_if, rails_of, same_posture
+from copose.posture.reachable.components import isolated, known_if, manifold_of, same_posture
 from copose.posture.reachable.coordination import CoordinationGrid, CurveNodes, one_after_another
 from copose.posture.setting import Setting
 from copose.self_motion.curves.curve import Curve, TracingOptions
@@ -64,28 +64,28 @@ def reachable(
     trails: list[Sequence[Array] | None] = [None] * K
     groups: dict[object, list[int]] = {}
     for i in range(K):
-        rails = rails_of(model, setting, [i])
-        same = same_posture(rails, end[i], start[i])
+        manifold = manifold_of(model, setting, [i])
+        same = same_posture(manifold, end[i], start[i])
         if same:
             known[i] = True
         elif cell.arms[i].fixed:
             known[i], why[i] = False, "it is fixed"
-        elif rails.spare <= 0:
-            known[i] = known_if(isolated(rails, start[i]))
+        elif manifold.spare <= 0:
+            known[i] = known_if(isolated(manifold, start[i]))
             why[i] = "it has no degree of freedom to spare"
-        elif rails.spare > 1:
+        elif manifold.spare > 1:
             known[i], trails[i] = _explored(
-                rails, start[i], end[i], None if samples is None else samples[i]
+                manifold, start[i], end[i], None if samples is None else samples[i]
             )
-        if rails.spare == 1 and not cell.arms[i].fixed and (clear or not same):
+        if manifold.spare == 1 and not cell.arms[i].fixed and (clear or not same):
             groups.setdefault(model.arms[i], []).append(i)
     for arms in groups.values():
-        rails = rails_of(model, setting, arms)
+        manifold = manifold_of(model, setting, arms)
         targets = np.array([end[i] for i in arms])
         q = np.array([start[i] for i in arms])
         # Where targets alone count steps may be longer.
         long_steps = TracingOptions(longest=0.4)
-        traced = follow(rails, q) if clear else follow(rails, q, targets, long_steps)
+        traced = follow(manifold, q) if clear else follow(manifold, q, targets, long_steps)
         for i, curve in zip(arms, traced, strict=True):
             curves[i] = curve
             if known[i] is None:
@@ -109,7 +109,7 @@ def _kept_clear(
     trails: Sequence[Sequence[Array] | None],
 ) -> tuple[bool | None, tuple[str, ...]]:
     """The verdict for arms that can each reach a posture: whether together they keep clear."""
-    if not model.clear(setting, np.concatenate(start)[None])[0]:
+    if not model.feasibility.clear(setting, np.concatenate(start)[None])[0]:
         return None, ()
     arms = []
     for curve, trail, q, q_end in zip(curves, trails, start, end, strict=True):
@@ -138,18 +138,14 @@ def _kept_clear(
 
 
 def _explored(
-    rails: ClosureManifold, start: Array, end: Array, sample: Array | None
+    manifold: ClosureManifold, start: Array, end: Array, sample: Array | None
 ) -> tuple[bool | None, Sequence[Array] | None]:
-    """Result of walks between two postures of an arm: whether they connect, and one that does.
+    """Result of walks between two postures of an arm, (n,): whether one connects them, and it.
 
-    Args:
-        rails: closure and limits of the arm.
-        start: posture, (n,).
-        end: posture, (n,).
-        sample: closed postures by which walks may go, (count, n).
+    They may go by a sample of closed postures, (count, n).
     """
     both = np.vstack([start, end])
-    arrived, trail = walk(rails.many(2), both, both[::-1])
+    arrived, trail = walk(manifold.many(2), both, both[::-1])
     if arrived[0]:
         return True, [x[0] for x in trail]
     if arrived[1]:
@@ -158,7 +154,7 @@ def _explored(
         return None, None
     between = 32  # postures of the sample by which the two may be connected
     nodes = np.vstack([both, thinned(sample, between)])
-    return (True if connected(rails, nodes, only=1)[1] else None), None
+    return (True if connected(manifold, nodes, only=1)[1] else None), None
 
 
 def _stopped(cell: Cell, i: int, curve: Curve) -> str:

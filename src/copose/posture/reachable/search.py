@@ -84,18 +84,8 @@ class ReachableSet:
         effort: Effort,
         options: ReachOptions = ReachOptions(),
     ) -> ReachableSet | tuple[ArmSample, ...]:
-        """The set of postures that can be reached.
-
-        Args:
-            model: the posture model.
-            setting: where the object is.
-            starts: closed postures, by arm; None for the first that the seed gives.
-            seed: of the random postures.
-            effort: of sampling.
-            options: effort of the search.
-
-        Returns:
-            Samples alone where an arm that needs one has no closed posture.
+        """The set of postures that can be reached from closed ones, by arm; None for the first that
+        the seed gives. Samples alone where an arm that needs one has no closed posture.
         """
         cell = setting.cell
         setting = replace(setting, lower=cell.lower, upper=cell.upper)
@@ -126,7 +116,7 @@ class ReachableSet:
                 closed=reached.postures,
                 neighbours=neighbours(cell, model.arms[i], i, reached.postures),
                 tried=sample.tried,
-                branches=None if reached.rails.spare > 1 else 1,
+                branches=None if reached.manifold.spare > 1 else 1,
                 missed=sample.missed,
             ))  # fmt: skip
         grid, nodes = None, tuple[CurveNodes, ...]()
@@ -179,31 +169,32 @@ class ReachableSet:
             return SearchOutcome(samples, blocked=blocked)
         return self.confirmed(outcome)
 
-    def confirmed(self, found: SearchOutcome) -> SearchOutcome:
+    def confirmed(self, outcome: SearchOutcome) -> SearchOutcome:
         """A search's outcome with those of its optima that can be reached.
 
         Its best combination before polishing is added where it is better, or no optimum is left.
         Where the call has to end, only a few optima are confirmed, and only if that is quick.
         """
         if not over():
-            return self._confirmed(found)
-        quick = found.optima[: self.options.hurried_optima] if self.setting.bodies is None else ()
+            return self._confirmed(outcome)
+        hurried = self.options.hurried_optima if self.setting.bodies is None else 0
         with sheltered():
-            return self._confirmed(replace(found, optima=quick, best=None))
+            quick = replace(outcome, optima=outcome.optima[:hurried], best=None)
+            return self._confirmed(quick)
 
-    def _confirmed(self, found: SearchOutcome) -> SearchOutcome:
+    def _confirmed(self, outcome: SearchOutcome) -> SearchOutcome:
         """The outcome of `confirmed` without hurry."""
         kept = []
-        for optimum in found.optima[: self.options.optima]:
+        for optimum in outcome.optima[: self.options.optima]:
             q = self._reached(optimum.q)
             if q is not None:
                 kept.append(replace(optimum, q=q))
         best = max((optimum.objective for optimum in kept), default=-np.inf)
-        if found.best is not None:
-            value = float(self.model.objectives(self.setting, found.best[None])[0])
-            if value > best and self._reached(found.best) is not None:
-                kept.insert(0, LocalOptimum(found.best, value, 1))
-        return replace(found, optima=tuple(kept))
+        if outcome.best is not None:
+            value = float(self.model.objectives(self.setting, outcome.best[None])[0])
+            if value > best and self._reached(outcome.best) is not None:
+                kept.insert(0, LocalOptimum(outcome.best, value, 1))
+        return replace(outcome, optima=tuple(kept))
 
     def _allowed(self, chosen: Indices) -> Mask:
         """Mask of combinations of nodes, (count, K), that can be reached, within limits."""
@@ -277,7 +268,7 @@ def _standing(
     present = [sample.closed[0] if start is None else start
                for sample, start in zip(samples, starts, strict=True)]  # fmt: skip
     bodies = setting.bodies
-    if bodies is None or model.clear(setting, np.concatenate(present)[None])[0]:
+    if bodies is None or model.feasibility.clear(setting, np.concatenate(present)[None])[0]:
         return present, None
     clear_alone = [
         sample.closed[alone_clear(setting, i, sample.closed)] if start is None else start[None]
@@ -286,7 +277,7 @@ def _standing(
     if all(len(q) for q in clear_alone) and any(start is None for start in starts):
         rng = np.random.default_rng([seed, len(clear_alone), 2])
         q = np.hstack([rows[rng.integers(0, len(rows), drawn)] for rows in clear_alone])
-        clear = np.flatnonzero(model.clear(setting, q))
+        clear = np.flatnonzero(model.feasibility.clear(setting, q))
         if len(clear):
             return [np.asarray(part) for part in setting.cell.system.split(q[clear[0]])], None
     given = all(start is not None for start in starts)
@@ -304,7 +295,7 @@ def _gridded(
     for q, arm_component in zip(start, components, strict=True):
         if arm_component.curve is not None:
             nodes.append(CurveNodes.along(arm_component.curve, q, None))
-        elif arm_component.rails.spare <= 0 or setting.cell.arms[len(nodes)].fixed:
+        elif arm_component.manifold.spare <= 0 or setting.cell.arms[len(nodes)].fixed:
             nodes.append(CurveNodes.still(q))
         else:
             return None, ()

@@ -124,25 +124,29 @@ def unsolved_reason(model: PostureModel, outcome: SearchOutcome, tolerance: floa
 def within_limits(
     model: PostureModel, setting: Setting, outcome: SearchOutcome, seed: int
 ) -> tuple[SearchOutcome, tuple[str, bool] | None]:
-    """A search that has something within torque limits, or the reason why nothing is.
+    """A search that has something within torque limits, or the reason why nothing is; that is
+    another constraint where one alone allows nothing.
 
     Where few postures hold the object a sample may have none: climbs start from those that hold the
     most then.
 
     Returns:
-        The outcome; and where torque limits allow no posture of all that were compared, a sentence
-        and whether that is sure.
+        The outcome; and where no posture of all that were compared is allowed, a sentence and
+        whether that is sure.
     """
     cell = setting.cell
-    if outcome.starts > 0 or model.capacity is None:
+    if outcome.starts > 0:
         return outcome, None
-    if model.feasibility.judged:
+    excluded = _excluded(model, setting, outcome, seed)
+    if excluded is not None or model.capacity is None:
+        return outcome, excluded
+    if any(constraint.torque_limited for constraint in model.feasibility.constraints):
         most = heaviest(cell, seed)
         q, sure = most.q, most.sure
         few = all_combinations([sample.closed for sample in outcome.samples])
         if len(few) and all(cell.spare(i) <= 0 for i in range(len(cell.arms))):
             q, sure = few, True
-        held = model.held(setting, q) if len(q) else np.zeros(0, dtype=bool)
+        held = model.feasibility.held(setting, q) if len(q) else np.zeros(0, dtype=bool)
         if not held.any():
             return outcome, (most.reason, sure)
         return climbed(model, setting, outcome, q[held]), None
@@ -152,3 +156,25 @@ def within_limits(
         "leave no such motion of the object, all its other accelerations zero"
     )
     return outcome, (reason, all_judged(cell) or uncarried(setting))
+
+
+def _excluded(
+    model: PostureModel, setting: Setting, outcome: SearchOutcome, seed: int, most: int = 1024
+) -> tuple[str, bool] | None:
+    """The reason where one constraint, beside the clearance and torque limits, which have reasons
+    of their own, allows none of the arms' combinations, or none of a random choice of so many; and
+    whether that is sure.
+    """
+    others = [c for c in model.feasibility.constraints if c.judged and not c.torque_limited]
+    if not others:
+        return None
+    cell, postures = setting.cell, [sample.closed for sample in outcome.samples]
+    q = all_combinations(postures)
+    sure = len(q) > 0 and all(cell.spare(i) <= 0 for i in range(len(cell.arms)))
+    if not len(q):
+        rng = np.random.default_rng([seed, len(postures), 4])
+        q = np.hstack([each[rng.integers(0, len(each), most)] for each in postures])
+    for constraint in others:
+        if not constraint.allows(setting, model.split(q)).any():
+            return f"no posture that was compared keeps the constraint {constraint.name!r}", sure
+    return None

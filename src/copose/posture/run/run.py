@@ -26,7 +26,7 @@ from copose.posture.run.evidence import (
     within_limits,
 )
 from copose.posture.search.effort import EFFORTS, Effort
-from copose.posture.search.global_search import local_search, search
+from copose.posture.search.global_search import climbed, search
 from copose.posture.search.outcome import SearchOutcome
 from copose.posture.setting import Setting
 from copose.posture.solution import MeasuredCases, Status, solution_of
@@ -40,7 +40,7 @@ class _SoFar:
     """State of a search: the reachable postures, where only they count, and an outcome."""
 
     within: ReachableSet | None = None
-    outcome: SearchOutcome = field(default_factory=lambda: SearchOutcome(()))
+    outcome: SearchOutcome = field(default_factory=SearchOutcome)
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,8 +240,8 @@ class Run:
             return Reached(None)
         if after is before or within is not None:
             return Reached(True)
-        start, end = ([np.array(q) for q in each.posture.joints.values()]
-                      for each in (before, after))  # fmt: skip
+        start, end = ([np.array(q) for q in measured.posture.joints.values()]
+                      for measured in (before, after))  # fmt: skip
         samples = [sample.closed for sample in outcome.samples]
         return reachable(self.model, self.setting, start, end, samples)
 
@@ -258,7 +258,7 @@ class Run:
                 return None
             within = around
         setting = self.setting if within is None else within.setting
-        outcome = local_search(self.model, setting, np.concatenate(q))
+        outcome = climbed(self.model, setting, SearchOutcome(), np.concatenate(q)[None])
         if within is not None:
             outcome = within.confirmed(outcome)
         after = self._best(outcome, before, within)

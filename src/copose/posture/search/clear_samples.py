@@ -40,7 +40,7 @@ class ArmPostures:
     @classmethod
     def of(cls, samples: Sequence[ArmSample]) -> ArmPostures:
         """Postures of samples, one of each arm."""
-        return cls([each.closed for each in samples], [each.neighbours for each in samples])
+        return cls([arm.closed for arm in samples], [arm.neighbours for arm in samples])
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +48,6 @@ class Cleared(ArmPostures):
     """Postures of every arm that keep clear of all but the other arms.
 
     Attributes:
-        postures: by arm, (count_i, n_i).
-        neighbours: by arm, indices of the postures next to each, (count_i, k).
         blocked: what comes too near where none of an arm's is clear, or the object is in the way.
     """
 
@@ -107,7 +105,7 @@ def kept_apart(setting: Setting, postures: Sequence[Array]) -> Callable[[Indices
         clear, hit = judge(chosen)
         left = np.flatnonzero(~(clear | hit))
         if len(left):
-            q = [each[rows] for each, rows in zip(postures, chosen[left].T, strict=True)]
+            q = [q_i[rows] for q_i, rows in zip(postures, chosen[left].T, strict=True)]
             clear[left] = bodies.clear(setting.configurations(q), bodies.shared)
         return clear
 
@@ -126,7 +124,7 @@ def in_each_others_way(
     """
     bodies, cell = setting.bodies, setting.cell
     assert bodies is not None
-    counts = [len(mine) for mine in postures]
+    counts = [len(q) for q in postures]
     every = all(cell.spare(i) <= 0 for i in range(len(counts))) and prod(counts) <= options.combined
     if every:
         chosen = [grid.ravel() for grid in np.indices(counts)]

@@ -16,7 +16,7 @@ from copose.posture.search.clear_samples import ArmPostures, alone_clear, kept_a
 from copose.posture.search.effort import CombinationOptions, Effort
 from copose.posture.search.outcome import SearchOutcome
 from copose.posture.search.ranking import judged
-from copose.posture.search.screening import Screened, screen
+from copose.posture.search.screening import Screened, combined, screen
 from copose.posture.setting import Setting
 from copose.progress import StoppedError, over, sheltered, stage
 from copose.self_motion.sampling import ArmSample
@@ -52,11 +52,7 @@ class Combinations:
     starts: Array | None = field(default=None, init=False)
 
     def search(self, samples: Sequence[ArmSample]) -> SearchOutcome:
-        """The local optima that the best combinations lead to.
-
-        Args:
-            samples: of the arms, for the outcome.
-        """
+        """The local optima that the best combinations lead to; samples are for the outcome."""
         with suppress(StoppedError):
             self._combine()
         with sheltered():
@@ -93,7 +89,7 @@ class Combinations:
     @property
     def _by_programs(self) -> bool:
         """True where linear programs judge combinations, and a climb takes few programs."""
-        return not (self._model.newton or self._model.dear)
+        return not (self._model.objective.summable or self._model.objective.costly)
 
     @property
     def _most(self) -> int:
@@ -112,7 +108,7 @@ class Combinations:
         best = judged(model, setting, arms.postures, arms.neighbours, self.screened, self._most)
         self.starts, scores = self._distinct(arms.postures, best, self._most)
         self.climbs.add_promising(self.starts, scores)
-        if self._spare > len(arms.postures) and len(self.starts) and not model.dear:
+        if self._spare > len(arms.postures) and len(self.starts) and not model.objective.costly:
             self._climb_blind(rng)
         for _ in range(self._rounds if self.climbs.ends else 0):
             if not self._recombine(rng):
@@ -123,16 +119,16 @@ class Combinations:
         options, postures = self._options, self.arms.postures
         count = int(self.effort.blind * min(1.0, options.plain_spare / self._spare))
         drawn = rng.integers(0, [len(q) for q in postures], (count, len(postures)))
-        picked = np.hstack([q[k] for q, k in zip(postures, drawn.T, strict=True)])
-        self.climbs.add(picked[self._model.clear(self._setting, picked)])
+        picked = combined(postures, drawn)
+        self.climbs.add(picked[self._model.feasibility.clear(self._setting, picked)])
 
     @property
     def _rounds(self) -> int:
         """Rounds of combining anew; none where all pairs of dense curves were compared."""
         kernels = self._model.arms
-        dense = len(kernels) <= 2 and all(each.n - each.m <= 1 for each in kernels)
+        dense = len(kernels) <= 2 and all(arm.n - arm.m <= 1 for arm in kernels)
         # Where another score has compared them the best pair may have looked like many.
-        if dense and self._model.newton:
+        if dense and self._model.objective.summable:
             return 0
         # Where linear programs judge pairs they judge all of the best ends, once.
         return min(self.effort.rounds, 1) if self._by_programs else self.effort.rounds
@@ -152,7 +148,7 @@ class Combinations:
         screened = self._screened(arms, rng)
         screened = judged(model, setting, postures, arms.neighbours, screened, self._most)
         # Where kinks make what was climbed stand above all that was not, only the latter counts.
-        known = None if model.newton else climbs.known
+        known = None if model.objective.summable else climbs.known
         again, _ = self._distinct(postures, screened, max(1, self._most // 2), known)
         before = climbs.best
         climbs.add(climbs.unknown(again))
@@ -203,8 +199,7 @@ class Combinations:
             Stacked joints, (count, N), and scores, (count,).
         """
         options, cell = self._options, self._setting.cell
-        columns = screened.chosen[: options.looked_through * most].T
-        q = np.hstack([mine[column] for mine, column in zip(postures, columns, strict=True)])
+        q = combined(postures, screened.chosen[: options.looked_through * most])
         chosen = differing(cell, q, options.differing, most, known)
         return q[chosen], screened.scores[chosen]
 
@@ -229,6 +224,6 @@ class Combinations:
         for start, value in zip(starts, model.objectives(setting, starts), strict=True):
             if value <= self.climbs.best:
                 break
-            if model.allowed(setting, start[None])[0]:
+            if model.feasibility.allowed(setting, start[None])[0]:
                 self.climbs.keep(start, value)
                 break

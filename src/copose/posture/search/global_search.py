@@ -25,12 +25,6 @@ def search(model: PostureModel, setting: Setting, seed: int, effort: Effort) -> 
 
     Where the call has to end the outcome is what is known, once every arm's postures are.
 
-    Args:
-        model: what is built.
-        setting: where the object is.
-        seed: of everything that is drawn.
-        effort: how much is tried.
-
     Raises:
         StoppedError: the call has to end, and nothing is known.
     """
@@ -86,14 +80,6 @@ def _among_bodies(
 
     With them in the way nothing is worth more than the best without, so the search without comes
     first, and only where its best is not clear are clear postures combined.
-
-    Args:
-        model: what is built.
-        setting: where the object is.
-        outcome: of the search without bodies.
-        arms: all postures.
-        seed: of everything that is drawn.
-        effort: how much is tried.
     """
     if over():
         with sheltered():
@@ -126,17 +112,12 @@ def _drawn(
     """The best of some random combinations of the arms' postures that are allowed."""
     rng = np.random.default_rng([seed, len(postures), 3])
     count = effort.combining.random
-    q = np.hstack([each[rng.integers(0, len(each), count)] for each in postures])
-    q = q[model.allowed(setting, q)]
+    q = np.hstack([q_i[rng.integers(0, len(q_i), count)] for q_i in postures])
+    q = q[model.feasibility.allowed(setting, q)]
     values = model.estimates(setting, q) if len(q) else np.zeros(0)
     best = np.argsort(-values, kind="stable")[: effort.measured]
     values = model.objectives(setting, q[best]) if len(q) else values
     return [LocalOptimum(q[k], float(v), 1) for k, v in zip(best, values, strict=True)]
-
-
-def local_search(model: PostureModel, setting: Setting, q: Array) -> SearchOutcome:
-    """Outcome of the one climb from a closed posture, (N,)."""
-    return climbed(model, setting, SearchOutcome(()), q[None])
 
 
 def climbed(

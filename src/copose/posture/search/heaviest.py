@@ -14,6 +14,7 @@ from copose.poses import Array
 from copose.posture.model import PostureModel
 from copose.posture.search.effort import EFFORTS
 from copose.posture.search.global_search import search
+from copose.posture.search.screening import combined
 from copose.posture.setting import Setting
 from copose.progress import hushed
 
@@ -46,17 +47,14 @@ def all_judged(cell: Cell) -> bool:
 
 
 def all_combinations(postures: Sequence[Array], most: int = 4096) -> Array:
-    """All combinations of the arms' postures, stacked, (count, N).
+    """All combinations of postures by arm, (count_i, n_i), stacked, (count, N).
 
-    Args:
-        postures: by arm, (count_i, n_i).
-        most: combinations that can be judged one by one; where there are more none is given.
+    There are none where they are more than can be judged one by one.
     """
     counts = [len(q) for q in postures]
     if math.prod(counts) > most:
         return np.zeros((0, sum(q.shape[1] for q in postures)))
-    grids = np.indices(counts).reshape(len(counts), -1)
-    return np.hstack([q[rows] for q, rows in zip(postures, grids, strict=True)])
+    return combined(postures, np.indices(counts).reshape(len(counts), -1).T)
 
 
 def uncarried(setting: Setting) -> bool:

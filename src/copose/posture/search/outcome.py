@@ -26,7 +26,7 @@ class SearchOutcome:
         blocked: what comes too near in all postures of an arm.
     """
 
-    samples: tuple[ArmSample, ...]
+    samples: tuple[ArmSample, ...] = ()
     combinations: int = 0
     best_sample: float | None = None
     starts: int = 0

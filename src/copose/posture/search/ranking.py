@@ -9,7 +9,7 @@ import numpy as np
 
 from copose.poses import Array, Indices
 from copose.posture.model import PostureModel
-from copose.posture.search.screening import Screened
+from copose.posture.search.screening import Screened, combined
 from copose.posture.setting import Setting
 
 
@@ -52,8 +52,8 @@ def judged(
     for first in range(0, len(screened.chosen), options.at_once):
         rows = slice(first, first + options.at_once)
         combinations, worth = screened.chosen[rows], screened.scores[rows]
-        q = _combined(postures, combinations)
-        held = model.held(setting, q)
+        q = combined(postures, combinations)
+        held = model.feasibility.held(setting, q)
         combinations, worth, q = combinations[held], worth[held], q[held]
         if not model.objective.summable and len(q):
             worth = model.estimates(setting, q)
@@ -72,7 +72,7 @@ def judged(
         scores = np.concatenate([top[1], scores[options.best :]])
     if model.objective.costly:
         chosen = chosen[: options.measured * most]
-        scores = model.objectives(setting, _combined(postures, chosen))
+        scores = model.objectives(setting, combined(postures, chosen))
     order = np.argsort(-scores, kind="stable")
     return Screened(chosen[order], scores[order], screened.combinations)
 
@@ -98,10 +98,10 @@ def _ascended(
                 other[:, i] = column
                 exchanged.append(other)
         every = np.stack(exchanged[1:], axis=1) if len(exchanged) > 1 else chosen[:, None]
-        q = _combined(postures, every.reshape(-1, chosen.shape[1]))
+        q = combined(postures, every.reshape(-1, chosen.shape[1]))
         worth = model.estimates(setting, q)
         if model.feasibility.judged:
-            worth = np.where(model.held(setting, q), worth, -np.inf)
+            worth = np.where(model.feasibility.held(setting, q), worth, -np.inf)
         worth = np.where(np.isfinite(worth), worth, -np.inf).reshape(every.shape[:2])
         best = worth.argmax(axis=1)
         rows = np.arange(len(chosen))
@@ -111,8 +111,3 @@ def _ascended(
         chosen = np.where(better[:, None], every[rows, best], chosen)
         scores = np.where(better, worth[rows, best], scores)
     return chosen, scores
-
-
-def _combined(postures: Sequence[Array], chosen: Indices) -> Array:
-    """Stacked joints of combinations, (count, N)."""
-    return np.hstack([mine[k] for mine, k in zip(postures, chosen.T, strict=True)])

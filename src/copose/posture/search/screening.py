@@ -86,6 +86,11 @@ def screen(
     return _ranked(chosen, table[best], table.size)
 
 
+def combined(postures: Sequence[Array], chosen: Indices) -> Array:
+    """Stacked joints of combinations, (count, N)."""
+    return np.hstack([q[rows] for q, rows in zip(postures, chosen.T, strict=True)])
+
+
 def _standing_out(
     table: Array,
     neighbours: Sequence[Indices],
@@ -99,20 +104,20 @@ def _standing_out(
     """
     usable = np.flatnonzero(np.isfinite(table.ravel()) & (table.ravel() > RULED_OUT))
     order = usable[np.argsort(-table.ravel()[usable], kind="stable")]
-    found = np.zeros(table.shape, dtype=bool)
+    known = np.zeros(table.shape, dtype=bool)
     chosen: list[Indices] = []
     for first in range(0, min(len(order), options.most_asked), options.asked):
         asked = order[first : first + options.asked]
         entries = np.column_stack(np.unravel_index(asked, table.shape))
         entries = entries[allowed(entries)]
-        found[tuple(entries.T)] = True
+        known[tuple(entries.T)] = True
         worth = table[tuple(entries.T)]
         best = np.ones(len(entries), dtype=bool)
         for axis, near in enumerate(neighbours):
             for column in near[entries[:, axis]].T:
                 other = entries.copy()
                 other[:, axis] = column
-                best &= ~(found[tuple(other.T)] & (table[tuple(other.T)] > worth))
+                best &= ~(known[tuple(other.T)] & (table[tuple(other.T)] > worth))
         chosen.append(entries[best])
         if sum(map(len, chosen)) >= options.standing_out:
             break
@@ -130,13 +135,13 @@ def _sifted(
     options: ScreeningOptions,
 ) -> Screened:
     """The allowed ones, with random combinations that are, improved by allowed exchanges alone."""
-    counts = [len(mine) for mine in terms]
+    counts = [len(rows) for rows in terms]
     drawn = rng.integers(0, counts, (options.asked * len(counts), len(counts)))
     tried = np.unique(np.vstack([screened.chosen[: options.most_asked], drawn]), axis=0)
     tried = tried[allowed(tried)]
 
     def scores(chosen: Indices) -> Array:
-        sums = np.sum([mine[k] for mine, k in zip(terms, chosen.T, strict=True)], axis=0)
+        sums = np.sum([rows[k] for rows, k in zip(terms, chosen.T, strict=True)], axis=0)
         return _table(score, given, [sums], options.at_once) if len(chosen) else np.zeros(0)
 
     ranked = _ranked(tried, scores(tried), 0)
@@ -183,7 +188,7 @@ def _exchanged(
     options: ScreeningOptions,
 ) -> Screened:
     """Random combinations improved by exchanging one arm's posture after the other."""
-    counts = [len(mine) for mine in terms]
+    counts = [len(rows) for rows in terms]
     chosen = rng.integers(0, counts, (starts, len(counts)))
     evaluated = 0
     seen = chosen[:0]
@@ -206,7 +211,7 @@ def _exchanged(
         seen = np.unique(np.vstack([seen, chosen]), axis=0)
         if np.array_equal(chosen, before):
             break
-    sums = np.asarray(sum(mine[column] for mine, column in zip(terms, seen.T, strict=True)))
+    sums = np.asarray(sum(rows[column] for rows, column in zip(terms, seen.T, strict=True)))
     return _ranked(seen, _table(score, given, [sums], options.at_once), evaluated)
 
 

@@ -68,22 +68,22 @@ def generate(
             before.
         options: when another program follows.
     """
-    best, here, room, accepted = start, start, np.inf, False
+    best, origin, room, accepted = start, start, np.inf, False
     for k in range(options.rounds):
         if k >= options.free_rounds:
-            here = best
-        step = solve(here, cuts, room)
+            origin = best
+        step = solve(origin, cuts, room)
         if step is None and not options.patient:
             break
         if step is not None and accepts(step, value, accepted):
             gain = step.value - value
-            best, here, value, accepted = step.point, step.point, step.value, True
+            best, origin, value, accepted = step.point, step.point, step.value, True
             if step.cuts is None and step.way < room * (1 - 1e-6):
                 break
             if gain <= options.least_gain and k > options.gain_round:
                 break
         else:
-            here = best if step is None else step.point
+            origin = best if step is None else step.point
             if k >= options.free_rounds or options.always_bounded:
                 way = options.stuck_way if step is None or step.way <= 0 else step.way
                 room = min(room, way) * options.shrink

@@ -21,14 +21,7 @@ class Ipopt:
         sizes: tuple[int, int, int],
         options: dict[str, Any],
     ) -> None:
-        """Build the solver.
-
-        Args:
-            name: of the function.
-            program: to be solved.
-            sizes: of x, p and g.
-            options: of nlpsol.
-        """
+        """Build the solver of a program with sizes of x, p and g, by options of nlpsol."""
         # CasADi keeps no reference of its own to Python's callbacks.
         self._between = _Between(sizes)
         options = options | {"iteration_callback": self._between}

@@ -113,9 +113,9 @@ class _Point:
     """Postures and all that the next step takes from them.
 
     Attributes:
-        q: by crew, (count, k, n).
-        held: by crew, joints that are taken to be stopped, (count, k, n).
-        terms: by crew, (count, k, s).
+        q: by group, (count, k, n).
+        held: by group, joints that are taken to be stopped, (count, k, n).
+        terms: by group, (count, k, s).
         value: (count,).
         weights: derivatives of the value by the sums of the terms, (count, s).
     """
@@ -158,14 +158,14 @@ class Polisher:
     """An active-set method that maximises a score over the postures of a cell.
 
     Attributes:
-        crews: the arms that move.
+        groups: the arms that move.
         score: of the sums of all arms' terms.
         given: what the score's kernels take beside the sums.
         rest: what arms that do not move add to the sums, (s,).
         options: steps and tolerances.
     """
 
-    crews: Sequence[ArmGroup]
+    groups: Sequence[ArmGroup]
     score: Score
     given: Array
     rest: Array | float
@@ -173,7 +173,7 @@ class Polisher:
 
     def polish(self, q: Array) -> Polished:
         """Climb from closed postures, (count, N), to local maxima."""
-        if not self.crews:
+        if not self.groups:
             sums = np.broadcast_to(self.rest, (len(q), np.size(self.rest)))
             value = self.score.slope(sums, self.given)[:, 0]
             return Polished(q, value, np.zeros(len(q)), self.options.tolerance)
@@ -181,19 +181,19 @@ class Polisher:
         ends = Polished(q.copy(), value, error, self.options.tolerance)
 
         def settle(done: Mask, error: Array) -> None:
-            for crew, part in zip(self.crews, point.q, strict=True):
-                ends.q[rows[done][:, None, None], crew.columns] = part[done]
+            for group, part in zip(self.groups, point.q, strict=True):
+                ends.q[rows[done][:, None, None], group.columns] = part[done]
             ends.value[rows[done]], ends.error[rows[done]] = point.value[done], error[done]
 
-        parts = [q[:, crew.columns] for crew in self.crews]
-        stopped = [crew.stopped(part) for crew, part in zip(self.crews, parts, strict=True)]
+        parts = [q[:, group.columns] for group in self.groups]
+        stopped = [group.stopped(part) for group, part in zip(self.groups, parts, strict=True)]
         point = self._point(parts, stopped)
         sound = np.isfinite(point.value)
         rows, point = np.flatnonzero(sound), point.taken(sound)
         for left in range(self.options.iterations, -1, -1):
             if len(rows) == 0:
                 break
-            tangents = [self._tangent(j, point) for j in range(len(self.crews))]
+            tangents = [self._tangent(j, point) for j in range(len(self.groups))]
             error = self._error(tangents, len(rows))
             done = (error <= self.options.tolerance) | (left == 0)
             if done.any():
@@ -203,8 +203,8 @@ class Polisher:
                 if len(rows) == 0:
                     break
                 tangents = [
-                    tangent.taken(np.repeat(going, len(crew.columns)))
-                    for crew, tangent in zip(self.crews, tangents, strict=True)
+                    tangent.taken(np.repeat(going, len(group.columns)))
+                    for group, tangent in zip(self.groups, tangents, strict=True)
                 ]
             ahead, moved = self._advance(point, *self._feasible_direction(point, tangents))
             if moved.all():
@@ -215,18 +215,18 @@ class Polisher:
         return ends
 
     def _point(self, q: list[Array], held: list[Mask]) -> _Point:
-        terms = [crew.terms(mine) for crew, mine in zip(self.crews, q, strict=True)]
+        terms = [group.terms(mine) for group, mine in zip(self.groups, q, strict=True)]
         sums = np.asarray(sum(mine.sum(axis=1) for mine in terms) + self.rest)
         both = self.score.slope(sums, self.given)
         return _Point(q, held, terms, sums, both[:, 0].copy(), both[:, 1:])
 
     def _tangent(self, j: int, point: _Point) -> Tangent:
-        """The tangent spaces of a crew, with joints let go that gain by leaving their limits."""
-        crew, q, held = self.crews[j], point.q[j], point.held[j]
-        _, J, slope = crew.local(q[:, :, None], point.weights)
+        """The tangent spaces of a group, with joints let go that gain by leaving their limits."""
+        group, q, held = self.groups[j], point.q[j], point.held[j]
+        _, J, slope = group.local(q[:, :, None], point.weights)
         if not held.any():
             return Tangent.of(J, slope, held.reshape(slope.shape))
-        above, below = q >= crew.upper, q <= crew.lower
+        above, below = q >= group.upper, q <= group.lower
         outward = (above.astype(float) - below).reshape(slope.shape)
         held = (held & (above | below)).reshape(slope.shape)
         return Tangent.of(J, slope, held).released(outward)
@@ -253,14 +253,14 @@ class Polisher:
     ) -> tuple[list[Tangent], list[Array]]:
         """A direction that pushes no joint through its limit, and the tangent spaces it is of."""
         direction = self._direction(point, tangents)
-        for _ in range(max(crew.kernels.n for crew in self.crews)):
+        for _ in range(max(group.kernels.n for group in self.groups)):
             pushed = [
-                ((q >= crew.upper) & (step > 0) | (q <= crew.lower) & (step < 0)).reshape(
+                ((q >= group.upper) & (step > 0) | (q <= group.lower) & (step < 0)).reshape(
                     tangent.held.shape
                 )
                 & ~tangent.held
-                for crew, q, step, tangent in zip(
-                    self.crews, point.q, direction, tangents, strict=True
+                for group, q, step, tangent in zip(
+                    self.groups, point.q, direction, tangents, strict=True
                 )
             ]
             if not any(push.any() for push in pushed):
@@ -271,18 +271,18 @@ class Polisher:
 
     @np.errstate(over="ignore", invalid="ignore")
     def _direction(self, point: _Point, tangents: list[Tangent]) -> list[Array]:
-        """A Newton step in the tangent spaces that ascends, by crew, (count, k, n).
+        """A Newton step in the tangent spaces that ascends, by group, (count, k, n).
 
         Curvature that is beyond all numbers is that of a step along the gradient, see `_ascent`.
         """
         count, h = len(point.value), self.options.difference
         changes, blocks = [], []
-        for j, (crew, tangent) in enumerate(zip(self.crews, tangents, strict=True)):
-            k, (d, n) = len(crew.columns), tangent.basis.shape[1:]
+        for j, (group, tangent) in enumerate(zip(self.groups, tangents, strict=True)):
+            k, (d, n) = len(group.columns), tangent.basis.shape[1:]
             basis = tangent.basis.reshape(count, k, d, n)
             beside = point.q[j][:, :, None] + h * basis
-            terms, J, slope = crew.local(beside, point.weights)
-            J = J.reshape(count * k, d, crew.kernels.m, n)
+            terms, J, slope = group.local(beside, point.weights)
+            J = J.reshape(count * k, d, group.kernels.m, n)
             bend = slope.reshape(count * k, d, n) - tangent.slope[:, None]
             bend -= (tangent.forces[:, None, None] @ (J - tangent.J[:, None]))[:, :, 0]
             curvature = bend @ tangent.basis.transpose(0, 2, 1) / h
@@ -305,14 +305,14 @@ class Polisher:
         gradient = np.concatenate(
             [
                 (t.basis @ t.slope[:, :, None]).reshape(count, t.basis.shape[1] * len(c.columns))
-                for c, t in zip(self.crews, tangents, strict=True)
+                for c, t in zip(self.groups, tangents, strict=True)
             ],
             axis=1,
         )
         step = _ascent(H, gradient, self.options.flattest)
         direction, first = [], 0
-        for crew, tangent in zip(self.crews, tangents, strict=True):
-            k, (d, n) = len(crew.columns), tangent.basis.shape[1:]
+        for group, tangent in zip(self.groups, tangents, strict=True):
+            k, (d, n) = len(group.columns), tangent.basis.shape[1:]
             part = step[:, first : first + k * d].reshape(count * k, 1, d)
             direction.append((part @ tangent.basis).reshape(count, k, n))
             first += k * d
@@ -329,10 +329,10 @@ class Polisher:
         count, longest = len(point.value), self.options.longest
         reach, gain = np.ones(count), np.zeros(count)
         held = []
-        for j, (crew, step) in enumerate(zip(self.crews, direction, strict=True)):
+        for j, (group, step) in enumerate(zip(self.groups, direction, strict=True)):
             size = np.abs(step)
             reach = np.minimum(reach, longest / np.maximum(size.max(axis=(1, 2)), longest))
-            room = np.where(step > 0, crew.upper - point.q[j], point.q[j] - crew.lower)
+            room = np.where(step > 0, group.upper - point.q[j], point.q[j] - group.lower)
             part = np.full_like(step, np.inf)
             np.divide(np.maximum(room, 0.0), size, out=part, where=size > 1e-200)
             reach = np.minimum(reach, part.min(axis=(1, 2)))
@@ -363,28 +363,28 @@ class Polisher:
         """Postures after a step, closed again, with held joints where they are."""
         ends, stops, near = [], [], self.options.at_limit
         closed = np.ones(len(reach), dtype=bool)
-        for j, crew in enumerate(self.crews):
+        for j, group in enumerate(self.groups):
             there, stop = q[j], held[j]
             shape, n = there.shape, there.shape[2]
             guess = there + reach[:, None, None] * direction[j]
-            low, high = guess < crew.lower + near, guess > crew.upper - near
+            low, high = guess < group.lower + near, guess > group.upper - near
             if low.any() or high.any():
-                guess = np.where(low, crew.lower, np.where(high, crew.upper, guess))
+                guess = np.where(low, group.lower, np.where(high, group.upper, guess))
                 # What a step of full reach brings to its limit stays there.
-                stop = stop | ((low | high) & ~crew.stopped(there))
-            lower, upper, goals = crew.lower, crew.upper, crew.goals
+                stop = stop | ((low | high) & ~group.stopped(there))
+            lower, upper, goals = group.lower, group.upper, group.goals
             if len(reach) > 1:
                 goals = np.tile(goals, (len(reach), 1))
                 lower, upper = np.broadcast_arrays(lower, upper, guess)[:2]
             if stop.any():
                 lower, upper = np.where(stop, guess, lower), np.where(stop, guess, upper)
             end, gap = project(
-                crew.kernels, guess.reshape(-1, n), goals, lower.reshape(-1, n),
+                group.kernels, guess.reshape(-1, n), goals, lower.reshape(-1, n),
                 upper.reshape(-1, n), steps=12, closed=self.options.closed,
             )  # fmt: skip
             closed &= (gap < CLOSED).reshape(shape[:2]).all(axis=1)
             ends.append(end.reshape(shape))
-            stops.append(stop | crew.stopped(ends[-1]))
+            stops.append(stop | group.stopped(ends[-1]))
         return closed, self._point(ends, stops)
 
 

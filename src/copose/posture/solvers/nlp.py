@@ -319,14 +319,14 @@ class PostureProgram:
             lower: joint limits with margin, −inf where none, (N,), and of what else is free.
             upper: alike.
         """
-        numbers = np.concatenate([part for each in given for part in (each.place, each.numbers)])
+        numbers = np.concatenate([part for case in given for part in (case.place, case.numbers)])
         if self._places is not None:
-            numbers = np.concatenate([numbers, [each.weight for each in given]])
+            numbers = np.concatenate([numbers, [case.weight for case in given]])
         if self._gram is not None and not all(
             np.all(np.isfinite(gram)) for gram in self._grams(start, given)
         ):
             return _not_started(start)
-        options, beside = self._options, np.concatenate([each.beside for each in given])
+        options, beside = self._options, np.concatenate([case.beside for case in given])
         near = self._first.run(start, beside, numbers, lower, upper)
         if not near.converged:
             nudge = options.nudge * np.random.default_rng(0).normal(size=len(start))
@@ -345,8 +345,8 @@ class PostureProgram:
                 continue
             extra = [
                 part
-                for each, gram in zip(given, grams, strict=True)
-                for part in (each.beside, self.objective.sharp_start(gram, slack))
+                for case, gram in zip(given, grams, strict=True)
+                for part in (case.beside, self.objective.sharp_start(gram, slack))
             ]
             end = self._sharp.run(q, np.concatenate(extra), numbers, lower, upper)
             if end.converged:
@@ -359,7 +359,7 @@ class PostureProgram:
             return [self.gram_at(start, given[0].place)]
         return [
             self.gram_at(q, place)
-            for q, place in self._places.taken(start, [each.place for each in given])
+            for q, place in self._places.taken(start, [case.place for case in given])
         ]
 
 

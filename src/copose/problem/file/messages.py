@@ -24,16 +24,16 @@ def explain(
     Unknown keys come first: a misspelt key is also a missing one. The names of arms are those that
     ``data`` gives them.
     """
-    found = error.errors(include_url=False)
+    errors = error.errors(include_url=False)
     # An array whose only entry is wrong is also called too short.
     faults = [
         fault
-        for fault in found
+        for fault in errors
         if not (
             fault["type"] == "too_short"
             and any(
                 other["loc"][: len(fault["loc"])] == fault["loc"]
-                for other in found
+                for other in errors
                 if other is not fault
             )
         )
@@ -98,13 +98,13 @@ def _text(fault: ErrorDetails, owner: type[BaseModel] | None, faults: list[Error
             return f"{shown(value)} must be at least {context['ge']:g}"
         case "less_than_equal":
             return f"{shown(value)} must be at most {context['le']:g}"
-        case _ if (wanted := _wanted(kind)) is not None:
-            return f"{shown(value)} {wanted}"
+        case _ if (needed := _needed(kind)) is not None:
+            return f"{shown(value)} {needed}"
         case _:
             return f"{shown(value)}: {fault['msg'][:1].lower()}{fault['msg'][1:]}"
 
 
-def _wanted(kind: str) -> str | None:
+def _needed(kind: str) -> str | None:
     """A type that a value must have, by pydantic's name of the fault."""
     types = {
         "bool_type": "must be true or false",

@@ -31,10 +31,10 @@ def read_override(text: str) -> tuple[str, Any]:
         raise InputError(f"{shown(text)} is not KEY=VALUE, such as object.mass=3", key="--set")
     key, value = text[: end - 1], text[end:]
     try:
-        found = tomllib.loads(f"value = {value}")
+        tables = tomllib.loads(f"value = {value}")
     except (ValueError, RecursionError):
-        found = {}
-    return key, found["value"] if list(found) == ["value"] else value
+        tables = {}
+    return key, tables["value"] if list(tables) == ["value"] else value
 
 
 def aimed(

@@ -133,8 +133,8 @@ def moved(problem: Problem, place: Mapping[str, Any]) -> Problem:
     except ValidationError as error:
         fault = explain(error, model, None)
         raise InputError(fault.message, key=f"object_pose.{fault.key}") from None
-    there = held.model_copy(update={key: getattr(new, key) for key in ("position", turn)})
-    return changed(problem, {"object": there})
+    displaced = held.model_copy(update={key: getattr(new, key) for key in ("position", turn)})
+    return changed(problem, {"object": displaced})
 
 
 def placement(given: Mapping[str, Any], *, planar: bool) -> Pose:

@@ -47,7 +47,7 @@ def made_schema() -> str:
 
 def described(model: type[BaseModel]) -> dict[str, str]:
     """Texts of a model's fields by name, from its docstring and those of its bases."""
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for parent in reversed(model.__mro__):
         _, _, section = inspect.cleandoc(parent.__dict__.get("__doc__") or "").partition(
             "\nAttributes:\n"
@@ -56,10 +56,10 @@ def described(model: type[BaseModel]) -> dict[str, str]:
         for line in section.splitlines():
             if line.startswith("    ") and line[4:5].strip():
                 name, _, text = line.strip().partition(": ")
-                found[name] = text
+                texts[name] = text
             elif name and line.strip():
-                found[name] += f" {line.strip()}"
-    return found
+                texts[name] += f" {line.strip()}"
+    return texts
 
 
 def _models(*models: type[BaseModel]) -> Iterator[type[BaseModel]]:
@@ -94,21 +94,21 @@ def _plain(node: Any) -> Any:
         return [_plain(each) for each in node]
     if not isinstance(node, Mapping):
         return node
-    found = {
+    plain = {
         key: _plain(each)
         for key, each in node.items()
         if each is not None and not (key == "title" and isinstance(each, str))
     }
-    kinds = found.get("anyOf")
+    kinds = plain.get("anyOf")
     if kinds and {"type": "null"} in kinds:
         kinds.remove({"type": "null"})
         if len(kinds) == 1:
-            del found["anyOf"]
-            found |= kinds[0]
-    entries = found.get("prefixItems")
+            del plain["anyOf"]
+            plain |= kinds[0]
+    entries = plain.get("prefixItems")
     if entries and all(entry == entries[0] for entry in entries):
-        del found["prefixItems"]
-        found["items"] = entries[0]
+        del plain["prefixItems"]
+        plain["items"] = entries[0]
     # The member whose kind it is follows from the rest.
-    found.pop("discriminator", None)
-    return found
+    plain.pop("discriminator", None)
+    return plain

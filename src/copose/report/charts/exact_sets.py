@@ -39,17 +39,11 @@ class Label(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class SetPicture:
-    """An exact set of linear or of angular accelerations, in its own coordinates.
+    """An exact set of linear or of angular accelerations, in its own coordinates."""
 
-    Attributes:
-        name: linear or angular.
-        record: the set.
-        others: whether other accelerations are zero in it.
-    """
-
-    name: str
+    name: str  # linear or angular
     record: ExactSetRecord
-    others: bool
+    others: bool  # whether other accelerations are zero in it
 
     @property
     def color(self) -> str:

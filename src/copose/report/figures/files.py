@@ -60,12 +60,7 @@ def picture(answer: Solution | Motion, kind: str, style: Style = "bodies") -> by
 
 
 def motion_animation(motion: Motion, style: Style = "bodies") -> bytes:
-    """A motion in real time as the content of a .gif file.
-
-    Args:
-        motion: with knots.
-        style: look of arms in space.
-    """
+    """A motion in real time as the content of a .gif file."""
     with _drawing():
         from copose.report.figures.film import motion_film
 

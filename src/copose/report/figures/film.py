@@ -79,7 +79,6 @@ def _figure(motion: Motion, look: FilmLook) -> Figure:
 
 
 def _pixels(figure: Figure, look: FilmLook) -> Image.Image:
-    """A figure as an image."""
     size = round(look.width * look.dpi), round(look.height * look.dpi)
     pixels = io.BytesIO()
     figure.savefig(pixels, format="rgba", dpi=look.dpi)

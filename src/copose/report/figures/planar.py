@@ -36,23 +36,14 @@ class PlanarLook:
 
 @dataclass(frozen=True)
 class _PlanarLayout:
-    """Sizes of one planar picture, inches.
+    """Sizes of one planar picture, inches."""
 
-    Attributes:
-        wide: width of the whole.
-        tall: height of the whole.
-        below: height of the legend.
-        charts: height of the row of charts between scenes and legend, 0 without.
-        extra: lines of titles beyond three.
-        scenes: width of the scenes as a share of the whole; an exact set stands beside them.
-    """
-
-    wide: float
-    tall: float
-    below: float
-    charts: float
-    extra: int
-    scenes: float
+    wide: float  # width of the whole
+    tall: float  # height of the whole
+    below: float  # height of the legend
+    charts: float  # height of the row of charts between scenes and legend, 0 without
+    extra: int  # lines of titles beyond three
+    scenes: float  # width of the scenes as a share of the whole; an exact set stands beside them
 
 
 def planar_figure(panels: list[Panel], heading: str, look: PlanarLook = PlanarLook()) -> Figure:

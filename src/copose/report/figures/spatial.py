@@ -24,19 +24,13 @@ from copose.report.words import short
 
 @dataclass(frozen=True)
 class _SpatialLayout:
-    """The places of one spatial picture in its figure.
+    """The places of one spatial picture in its figure."""
 
-    Attributes:
-        scenes: a place for each panel, and one for each exact set.
-        bars: a place for the semi-axes of each kind of slices, and one for shares of torques.
-        legends_below: whether legends stand below scenes, and not within them.
-        columns: columns of such a legend.
-    """
-
-    scenes: list[Any]
+    scenes: list[Any]  # a place for each panel, and one for each exact set
+    # A place for the semi-axes of each kind of slices, and one for shares of torques.
     bars: list[Any]
-    legends_below: bool
-    columns: int
+    legends_below: bool  # whether legends stand below scenes, and not within them
+    columns: int  # columns of such a legend
 
     @classmethod
     def of(

@@ -29,20 +29,13 @@ from copose.robots import ArmStart
 
 @dataclass(frozen=True, eq=False)
 class _NamedFrame:
-    """A frame of the picture, and its name.
-
-    Attributes:
-        name: the name.
-        pose: the frame in the world.
-        color: colour of the name.
-        dashed: whether it is a frame that something should have.
-        side: side of the frame's origin on which the name stands.
-    """
+    """A frame of the picture, and its name."""
 
     name: str
-    pose: Pose
-    color: str
-    dashed: bool = False
+    pose: Pose  # the frame in the world
+    color: str  # colour of the name
+    dashed: bool = False  # whether it is a frame that something should have
+    # Side of the frame's origin on which the name stands.
     side: Literal["left", "center", "right"] = "center"
 
     @property
@@ -162,13 +155,7 @@ def _draw_planar(
         origin = mark.pose.position[:2]
         for axis, color in zip(mark.pose.rotation[:2, :2].T, LOOK.axes, strict=False):
             ends = np.array([origin, origin + length * axis])
-            ax.plot(
-                *ends.T,
-                color=color,
-                linewidth=mark.width,
-                linestyle=mark.line,
-                zorder=8,
-            )
+            ax.plot(*ends.T, color=color, linewidth=mark.width, linestyle=mark.line, zorder=8)
         ax.annotate(mark.name, tuple(origin), xytext=(0, 8 if mark.above else -8),
                     textcoords="offset points", zorder=9, **mark.words)  # fmt: skip
     ax.legend(loc="lower left", frameon=False, fontsize=9)

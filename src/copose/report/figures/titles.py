@@ -15,21 +15,12 @@ def title(panel: Panel) -> str:
     if panel.misses:
         unit = "m or rad" if SPACES[solution.problem.space].rigid else "m"
         return f"{panel.name}: gap {max(posture.closure_error.values()):.3g} {unit}"
-    lines = [
-        f"{panel.name}: {value_words(solution, posture)}",
-        distance_words(posture),
-        panel.note,
-    ]
+    lines = [f"{panel.name}: {value_words(solution, posture)}", distance_words(posture), panel.note]
     return "\n".join(filter(None, lines))
 
 
 def distance_words(posture: Posture, most: int = 40) -> str:
-    """The smallest distance and the two bodies that it is between; empty where it is not known.
-
-    Args:
-        posture: the posture.
-        most: letters of a body's name.
-    """
+    """The smallest distance and the two bodies that it is between; empty where it is not known."""
     if posture.collision is None:
         return ""
     pair = " – ".join(short(name, most) for name in posture.collision.pair)

@@ -15,17 +15,11 @@ from copose.results import FreeRecord, PlanarPlace, Posture
 
 @dataclass(frozen=True, eq=False)
 class Range:
-    """The box of positions that something may take; flat along what is not free.
+    """The box of positions that something may take; flat along what is not free."""
 
-    Attributes:
-        arm: the arm of a base or grasp; None for the object.
-        what: ``object``, ``base`` or ``grasp``.
-        edges: ends of each that has a length, in the world, (e, 2, d).
-    """
-
-    arm: str | None
-    what: str
-    edges: Array
+    arm: str | None  # the arm of a base or grasp; None for the object
+    what: str  # ``object``, ``base`` or ``grasp``
+    edges: Array  # ends of each that has a length, in the world, (e, 2, d)
 
 
 def ranges(panel: Panel) -> list[Range]:

@@ -14,19 +14,12 @@ from copose.poses import Array
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """The convex hull of points in space.
+    """The convex hull of points in space."""
 
-    Attributes:
-        faces: corners of each, in order, (k, 3).
-        normals: unit, outwards, (f, 3).
-        edges: ends of each, (e, 2, 3).
-        sides: the two faces that meet in it, (e, 2).
-    """
-
-    faces: tuple[Array, ...]
-    normals: Array
-    edges: Array
-    sides: Array
+    faces: tuple[Array, ...]  # corners of each, in order, (k, 3)
+    normals: Array  # unit, outwards, (f, 3)
+    edges: Array  # ends of each, (e, 2, 3)
+    sides: Array  # the two faces that meet in it, (e, 2)
 
     def outline(self, view: Array) -> Array:
         """Corners, in order, of the outline seen from afar; view: the picture's axes, (2, 3)."""

@@ -14,21 +14,13 @@ from copose.results import Posture, ProblemRecord
 
 @dataclass(frozen=True, eq=False)
 class LinkBody:
-    """One convex part of a link in the world.
+    """One convex part of a link in the world."""
 
-    Attributes:
-        arm: name of the arm; None for a body that arms of a robot share.
-        frame: frame of the arm that moves it, 0 for the root.
-        last: whether the arm's last joint moves it: a hand.
-        faces: triangles, (f, 3, 3).
-        normals: unit, outwards, (f, 3).
-    """
-
-    arm: str | None
-    frame: int
-    last: bool
-    faces: Array
-    normals: Array
+    arm: str | None  # name of the arm; None for a body that arms of a robot share
+    frame: int  # frame of the arm that moves it, 0 for the root
+    last: bool  # whether the arm's last joint moves it: a hand
+    faces: Array  # triangles, (f, 3, 3)
+    normals: Array  # unit, outwards, (f, 3)
 
     @property
     def points(self) -> Array:

@@ -14,17 +14,11 @@ from copose.report.panels import Drawn
 
 @dataclass(frozen=True, eq=False)
 class DrawnObstacle:
-    """The part of an obstacle that a picture shows.
+    """The part of an obstacle that a picture shows."""
 
-    Attributes:
-        name: name of the obstacle.
-        faces: polygons in the world, (k, d) each; one in the plane.
-        round: whether the obstacle is round, so that edges between faces are not drawn.
-    """
-
-    name: str
-    faces: tuple[Array, ...]
-    round: bool
+    name: str  # name of the obstacle
+    faces: tuple[Array, ...]  # polygons in the world, (k, d) each; one in the plane
+    round: bool  # whether the obstacle is round, so that edges between faces are not drawn
 
     @property
     def points(self) -> Array:

@@ -16,15 +16,10 @@ from copose.results import EllipsoidRecord, Solution
 
 @dataclass(frozen=True, eq=False)
 class Slice:
-    """The slice of an ellipsoid in which all linear, or all angular, accelerations are zero.
+    """The slice of an ellipsoid in which all linear, or all angular, accelerations are zero."""
 
-    Attributes:
-        ellipsoid: the slice in the d coordinates that are left.
-        world: the world axis that each of them is along, or about.
-    """
-
-    ellipsoid: Ellipsoid
-    world: tuple[int, ...]
+    ellipsoid: Ellipsoid  # the slice in the d coordinates that are left
+    world: tuple[int, ...]  # the world axis that each of them is along, or about
 
     @property
     def surface(self) -> Array:

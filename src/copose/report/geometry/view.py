@@ -13,15 +13,10 @@ from copose.poses import Array
 
 @dataclass(frozen=True)
 class View:
-    """The direction that a scene is seen from.
+    """The direction that a scene is seen from."""
 
-    Attributes:
-        elevation: above the horizon, degrees.
-        azimuth: about the vertical, from x, degrees.
-    """
-
-    elevation: float = 18.0
-    azimuth: float = -62.0
+    elevation: float = 18.0  # above the horizon, degrees
+    azimuth: float = -62.0  # about the vertical, from x, degrees
 
     @property
     def axes(self) -> Array:

@@ -28,27 +28,16 @@ from copose.results import Knot, Motion
 
 @dataclass(frozen=True, eq=False)
 class MotionScene:
-    """Axes in which all postures of a motion have room.
-
-    Attributes:
-        motion: the motion.
-        knots: its postures.
-        planar: whether it moves in the plane.
-        near: the box around arms and objects, (2, d).
-        links: bodies of the arms.
-        view: the direction that it is seen from.
-        low: least coordinates of the axes.
-        high: largest coordinates of the axes.
-    """
+    """Axes in which all postures of a motion have room."""
 
     motion: Motion
-    knots: tuple[Knot, ...]
-    planar: bool
-    near: Array
-    links: LinkBodies
-    view: View
-    low: Array
-    high: Array
+    knots: tuple[Knot, ...]  # its postures
+    planar: bool  # whether it moves in the plane
+    near: Array  # the box around arms and objects, (2, d)
+    links: LinkBodies  # bodies of the arms
+    view: View  # the direction that it is seen from
+    low: Array  # least coordinates of the axes
+    high: Array  # largest coordinates of the axes
 
     @classmethod
     def of(cls, motion: Motion) -> MotionScene:
@@ -69,11 +58,6 @@ class MotionScene:
         size = float(np.ptp(near, axis=0).max())
         low, high = planar_scene.roomy(known, size) if planar else roomy(known)
         return cls(motion, motion.knots, planar, near, links, view, low, high)
-
-    @property
-    def _scene(self) -> Any:
-        """The module that draws its postures."""
-        return planar_scene if self.planar else spatial_scene
 
     def axes(self, figure: Figure, place: Any) -> Any:
         """Axes with all that stands still: obstacles and the object's path."""
@@ -142,8 +126,9 @@ class MotionScene:
 
     def ghosts(self, ax: Any, ks: list[int]) -> None:
         """Arms and object at some knots, light to dark."""
+        scene: Any = planar_scene if self.planar else spatial_scene
         for k, strength in zip(ks, np.linspace(0.18, 0.55, len(ks)), strict=True):
-            self._scene.draw_ghost(ax, self.knots[k], self.motion, float(strength))
+            scene.draw_ghost(ax, self.knots[k], self.motion, float(strength))
 
     def spaced(self, count: int) -> list[int]:
         """At most so many knots, between which arms and object move equally far."""
@@ -156,5 +141,4 @@ class MotionScene:
 
 
 def _middle(box: Bbox) -> Array:
-    """The middle of a box."""
     return np.asarray(box.corners().mean(axis=0))

@@ -32,26 +32,19 @@ Placed: TypeAlias = tuple[Array, Slice, str | None]
 
 @dataclass(frozen=True, eq=False)
 class PlanarStage:
-    """Axes that all scenes of a picture share.
+    """Axes that all scenes of a picture share."""
 
-    Attributes:
-        placed: ellipses, by panel.
-        scales: metres drawn per unit of acceleration, by panel; None where nothing is drawn.
-        size: size of arms and objects, m.
-        low: least x and y of all that is drawn, (2,).
-        high: largest x and y.
-    """
-
-    placed: list[list[Placed]]
+    placed: list[list[Placed]]  # ellipses, by panel
+    # Metres drawn per unit of acceleration, by panel; None where nothing is drawn.
     scales: list[float] | None
-    size: float
-    low: Array
-    high: Array
+    size: float  # size of arms and objects, m
+    low: Array  # least x and y of all that is drawn, (2,)
+    high: Array  # largest x and y
 
     @classmethod
     def of(cls, panels: list[Panel]) -> PlanarStage:
         """Axes in which all panels have room; the longest semi-axis is 0.3 of arms and objects."""
-        points = [_points(panels)]
+        points = [np.vstack([planar_points(panel.posture, panel.solution) for panel in panels])]
         size = float((points[0].max(axis=0) - points[0].min(axis=0)).max())
         placed = [_placed(panel) for panel in panels]
         longest = [
@@ -67,11 +60,11 @@ class PlanarStage:
         known = np.vstack(points)
         return cls(placed, scales, size, known.min(axis=0), known.max(axis=0))
 
-    def frame(self, panels: list[Panel], more: Sequence[Array]) -> tuple[Array, Array]:
+    def frame(self, panels: list[Panel], further: Sequence[Array]) -> tuple[Array, Array]:
         """Limits with obstacles, further points, (2,) each, and a margin."""
         low, high = self.low, self.high
         points = [body.points for p in panels for body in bodies(p.solution, low, high)]
-        known = np.vstack([low, high, *more, *points])
+        known = np.vstack([low, high, *further, *points])
         return roomy(known, self.size)
 
     def draw(self, ax: Axes, panels: list[Panel], k: int, low: Array, high: Array) -> None:
@@ -107,11 +100,6 @@ def _placed(panel: Panel) -> list[Placed]:
     if whole is not None:
         placed.append((np.array(posture.object.position), whole, None))
     return placed
-
-
-def _points(panels: list[Panel]) -> Array:
-    """Points of arms and objects."""
-    return np.vstack([planar_points(panel.posture, panel.solution) for panel in panels])
 
 
 def draw_bodies(

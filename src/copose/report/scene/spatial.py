@@ -33,23 +33,14 @@ from copose.results import Posture
 
 @dataclass(frozen=True, eq=False)
 class SpatialStage:
-    """Axes that all scenes of a picture share.
-
-    Attributes:
-        kinds: the slices.
-        low: least x, y, z of the axes.
-        high: largest x, y, z of the axes.
-        bodies: obstacles, by panel.
-        links: bodies of the arms' links, alike; none where sticks are drawn.
-        view: the direction that all of them are seen from.
-    """
+    """Axes that all scenes of a picture share."""
 
     kinds: list[SliceKind]
-    low: Array
-    high: Array
-    bodies: list[list[DrawnObstacle]]
-    links: list[list[LinkBody]]
-    view: View
+    low: Array  # least x, y, z of the axes
+    high: Array  # largest x, y, z of the axes
+    bodies: list[list[DrawnObstacle]]  # obstacles, by panel
+    links: list[list[LinkBody]]  # bodies of the arms' links, alike; none where sticks are drawn
+    view: View  # the direction that all of them are seen from
 
     @classmethod
     def of(cls, panels: list[Panel]) -> SpatialStage:

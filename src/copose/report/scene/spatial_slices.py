@@ -33,23 +33,15 @@ class SliceLook:
 
 @dataclass(frozen=True)
 class SliceKind:
-    """One kind of slices of all panels, linear or angular, as they are drawn.
+    """One kind of slices of all panels, linear or angular, as they are drawn."""
 
-    Attributes:
-        name: linear or angular.
-        part: the function that takes the slice of an ellipsoid.
-        color: colour.
-        index: place of its unit among those of semi-axes.
-        scales: metres drawn per unit, by panel.
-        lift: height above the object at which it floats, m.
-    """
-
-    name: str
+    name: str  # linear or angular
+    # The function that takes the slice of an ellipsoid.
     part: Callable[[EllipsoidRecord, Sequence[str]], Slice | None]
     color: str
-    index: int
-    scales: list[float]
-    lift: float
+    index: int  # place of its unit among those of semi-axes
+    scales: list[float]  # metres drawn per unit, by panel
+    lift: float  # height above the object at which it floats, m
 
     def of(self, panel: Panel) -> Slice | None:
         """A posture's slice."""

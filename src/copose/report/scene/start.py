@@ -26,15 +26,10 @@ from copose.robots import ArmStart
 
 @dataclass(frozen=True, eq=False)
 class StartScene:
-    """The scene of a problem that has no result yet.
+    """The scene of a problem that has no result yet."""
 
-    Attributes:
-        problem: the problem as results record it.
-        posture: the starts; without ellipsoids.
-    """
-
-    problem: ProblemRecord
-    posture: Posture
+    problem: ProblemRecord  # the problem as results record it
+    posture: Posture  # the starts; without ellipsoids
 
     @classmethod
     def of(cls, problem: Problem, starts: Sequence[ArmStart], *, bodies: bool = True) -> StartScene:

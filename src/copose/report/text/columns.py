@@ -64,15 +64,15 @@ def table(titles: Sequence[str], rows: Iterable[Sequence[str | Text]]) -> Table:
     """Rows of words without a frame: names in the first column, which may be wrapped as columns
     without a title may; numbers below their titles, flush right.
     """
-    found = Table(show_edge=False, pad_edge=False)
+    grid = Table(show_edge=False, pad_edge=False)
     for k, title in enumerate(titles):
         words = k == 0 or not title
-        found.add_column(
+        grid.add_column(
             Text(title), justify="left" if words else "right", no_wrap=not words, overflow="fold"
         )
     for row in rows:
-        found.add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in row))
-    return found
+        grid.add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in row))
+    return grid
 
 
 def aligned(rows: Sequence[Sequence[str]], gap: str) -> list[str]:
@@ -84,12 +84,7 @@ def aligned(rows: Sequence[Sequence[str]], gap: str) -> list[str]:
 def joint_table(
     joints: Mapping[str, Sequence[str]], columns: Mapping[str, Mapping[str, Sequence[str | Text]]]
 ) -> Table:
-    """A row for each joint, below a row with the arm's name and what its joints' names begin with.
-
-    Args:
-        joints: names by arm.
-        columns: by title, cells by arm.
-    """
+    """A row for each joint, below one with the arm's name and what its joints' names begin with."""
     rows: list[list[str | Text]] = []
     for arm, names in joints.items():
         begin = shared_beginning(names)

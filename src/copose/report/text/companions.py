@@ -56,10 +56,7 @@ def companion_tables(solution: Solution, posture: Posture, *, columns: int = 6) 
 
 
 def _semi_axes(
-    title: str,
-    units: tuple[str, str],
-    records: Mapping[str, EllipsoidRecord],
-    axes: Sequence[str],
+    title: str, units: tuple[str, str], records: Mapping[str, EllipsoidRecord], axes: Sequence[str]
 ) -> Iterator[Table]:
     """A table with a row for each ellipsoid; nothing where no posture has one."""
     titles, columns = [title], []

@@ -77,11 +77,7 @@ def _free(comparison: Comparison) -> list[Table]:
         for solution in comparison.solutions
     ]
     rows = [
-        (
-            name,
-            *(offsets.get(name, "–") for offsets in both),
-            "rad" if is_angle(name) else "m",
-        )
+        (name, *(offsets.get(name, "–") for offsets in both), "rad" if is_angle(name) else "m")
         for name in both[0] | both[1]
     ]
     return [table(("free, from its file's pose", *"AB", ""), rows)] if rows else []

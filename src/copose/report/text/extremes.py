@@ -90,12 +90,11 @@ def _direction(u: Sequence[float], names: Sequence[str]) -> str:
 
 
 def _sign(x: float) -> str:
-    """Plus or minus."""
     return "−" if x < 0 else "+"
 
 
 def _wrenches(
-    solution: Solution, posture: Posture, *, most: int = 8, beside: int = 2
+    solution: Solution, posture: Posture, *, most: int = 8, a_row: int = 2
 ) -> list[RenderableType]:
     """Tables with a row for each extreme: sizes of every arm's force, moment and internal force.
 
@@ -103,7 +102,7 @@ def _wrenches(
         solution: the result of the posture.
         posture: the posture.
         most: extremes that are all listed; of more only those that are not along an axis.
-        beside: arms beside one another in a table.
+        a_row: arms beside one another in a table.
     """
     wrenches = posture.wrenches
     if not wrenches:
@@ -121,14 +120,14 @@ def _wrenches(
     meaning = "force / moment / internal" if space.rigid else "force / internal"
     arms = list(posture.arms)
     tables: list[RenderableType] = []
-    for i in range(0, len(arms), beside):
+    for i in range(0, len(arms), a_row):
         columns = [
             aligned([_sizes(wrenches[name][arm], len(space.linear)) for name in listed], " / ")
-            for arm in arms[i : i + beside]
+            for arm in arms[i : i + a_row]
         ]
         heads = (
             f"contact wrenches{_when(solution)},\n{meaning}",
-            *(f"{arm}\n{unit}" for arm in arms[i : i + beside]),
+            *(f"{arm}\n{unit}" for arm in arms[i : i + a_row]),
         )
         tables.append(table(heads, zip(listed.values(), *columns, strict=True)))
     if left_out:

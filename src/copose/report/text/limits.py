@@ -170,7 +170,6 @@ def _share(share: float, largest: float) -> Text:
 
 
 def _four(value: float | None) -> str:
-    """Four decimal places; – where there is no number."""
     return "–" if value is None else f"{value:.4f}"
 
 

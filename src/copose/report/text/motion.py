@@ -113,13 +113,7 @@ def _course(motion: Motion) -> Iterator[tuple[str, str, str]]:
 
 
 def _evidence(motion: Motion, verbose: bool, *, most: int = 5) -> Iterator[str]:
-    """Lines on the search: its graph and routes, and with ``verbose`` samples and times.
-
-    Args:
-        motion: the result.
-        verbose: whether to tell everything.
-        most: routes that are listed.
-    """
+    """Lines on the search: its graph and routes, and with ``verbose`` samples and times."""
     search = motion.search
     if verbose:
         if search is not None:

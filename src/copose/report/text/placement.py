@@ -67,13 +67,13 @@ def _meaning(record: FreeRecord) -> str:
     return words
 
 
-def case_tables(solution: Solution, *, most: int = 6, beside: int = 3) -> Iterator[RenderableType]:
+def case_tables(solution: Solution, *, most: int = 6, a_row: int = 3) -> Iterator[RenderableType]:
     """Weight and objective of every case with the total, limits that it meets, and its joints.
 
     Args:
         solution: with cases.
         most: cases whose joints are listed.
-        beside: cases beside one another in a table of joints.
+        a_row: cases beside one another in a table of joints.
     """
     cases, past = solution.cases or (), solution.cases_before or ()
     yield _objectives(solution, cases, past)
@@ -84,10 +84,10 @@ def case_tables(solution: Solution, *, most: int = 6, beside: int = 3) -> Iterat
         for about, words in limit_lines(solution, case, earlier.get(case.name))
     )
     listed = cases[:most]
-    for i in range(0, len(listed), beside):
+    for i in range(0, len(listed), a_row):
         yield joint_table(solution.joint_names, {
             case.name: {arm: [f"{x:.4f}" for x in q] for arm, q in case.joints.items()}
-            for case in listed[i : i + beside]
+            for case in listed[i : i + a_row]
         })  # fmt: skip
     if len(cases) > most:
         yield Text(f"joints of {len(cases) - most} more cases: in result.json", style="dim")

@@ -95,13 +95,7 @@ def _unchanged(solution: Solution) -> Iterator[tuple[str, str]]:
 
 
 def _evidence(solution: Solution, verbose: bool, *, most: int = 5) -> Iterator[str]:
-    """Lines on the search: local optima, and with ``verbose`` samples, failures and times.
-
-    Args:
-        solution: the result.
-        verbose: whether to tell everything.
-        most: local optima that are listed.
-    """
+    """Lines on the search: local optima, and with ``verbose`` samples, failures and times."""
     search = solution.search
     if search is not None:
         again, optima, placements = search.verification, search.local_optima, search.placements

@@ -102,10 +102,8 @@ def start_words(start: ArmStart) -> str:
 
 
 def _numbers(values: Sequence[float] | Array) -> list[str]:
-    """Four decimal places each."""
     return [f"{round(float(value), 4) + 0.0:.4f}" for value in values]
 
 
 def _limit(value: float, digits: str) -> str:
-    """A limit in words."""
     return "none" if math.isinf(value) else format(value, digits)

@@ -14,26 +14,17 @@ from copose.robots.files.mjcf_model import MjcfModel, named
 
 @dataclass(frozen=True, eq=False)
 class JointActuators:
-    """The actuators of a joint taken together.
+    """The actuators of a joint taken together."""
 
-    Attributes:
-        effort: the largest torque or force, N·m or N; None where there is no limit.
-        armature: reflected inertia of their rotors, kg·m² or kg.
-        doubts: remarks on what is read otherwise than the model says, each with a value.
-    """
-
-    effort: float | None
-    armature: float
+    effort: float | None  # the largest torque or force, N·m or N; None where there is no limit
+    armature: float  # reflected inertia of their rotors, kg·m² or kg
+    # Remarks on what is read otherwise than the model says, each with a value.
     doubts: dict[str, str]
 
 
 @dataclass(frozen=True, eq=False)
 class MjcfActuators:
-    """The actuators of a compiled model.
-
-    Attributes:
-        source: the model.
-    """
+    """The actuators of a compiled model."""
 
     source: MjcfModel
 

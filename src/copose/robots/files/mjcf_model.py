@@ -15,15 +15,9 @@ def named(enumeration: Any, value: int) -> str:
 
 @dataclass(frozen=True, eq=False)
 class MjcfModel:
-    """A compiled model.
+    """A compiled model."""
 
-    Attributes:
-        file: where it was read.
-        mujoco: the package.
-        model: the model.
-    """
-
-    file: Path
+    file: Path  # where it was read
     mujoco: Any
     model: Any
 

@@ -48,10 +48,6 @@ def first_tag(file: Path) -> str:
 def read_mjcf(file: Path, limits: ReadingLimits = READING_LIMITS) -> Tree:
     """The tree of a MuJoCo model, as MuJoCo compiles it.
 
-    Args:
-        file: the model's.
-        limits: of what is read.
-
     Raises:
         InputError: no such file, MuJoCo is missing or cannot compile it, or numbers that no robot
             has.
@@ -91,13 +87,9 @@ def _quiet(mujoco: Any) -> Iterator[None]:
 
 @dataclass(frozen=True, eq=False)
 class _Reader(MjcfModel):
-    """A reader of a compiled model as a tree.
+    """A reader of a compiled model as a tree."""
 
-    Attributes:
-        limits: of what is read.
-    """
-
-    limits: ReadingLimits
+    limits: ReadingLimits  # of what is read
 
     @cached_property
     def actuators(self) -> MjcfActuators:

@@ -52,41 +52,26 @@ class Mimic:
 
 @dataclass(frozen=True, eq=False)
 class TreeJoint:
-    """A joint of the tree as it is written.
-
-    Attributes:
-        name: its own.
-        kind: the ``type``; empty where there is none.
-        parent: name of the link that it hangs on.
-        child: name of the link that it moves.
-        origin: T_parent_child at position 0.
-        axis: unit axis in the child's frame.
-        lower: lowest position, 0 where ``<limit>`` leaves it out.
-        upper: highest position, 0 where ``<limit>`` leaves it out.
-        effort: limit as written; None where there is no number.
-        velocity: limit as written; None where there is no number.
-        mimic: what it follows, if anything.
-        faults: what cannot be read, by the part that it spoils: ``origin``, ``axis``, ``limit``,
-            ``effort``, ``velocity``, ``mimic``. The part itself is then a stand-in. ``drive``:
-            why no torque of its own drives it.
-        armature: reflected inertia of its rotor, kg·m² or kg.
-        doubts: of a joint that is free, remarks on what is read otherwise than the file says, each
-            with the joint's name.
-    """
+    """A joint of the tree as it is written."""
 
     name: str
-    kind: str
-    parent: str
-    child: str
-    origin: Pose
-    axis: Array
-    lower: float
-    upper: float
-    effort: float | None
-    velocity: float | None
-    mimic: Mimic | None
+    kind: str  # the ``type``; empty where there is none
+    parent: str  # name of the link that it hangs on
+    child: str  # name of the link that it moves
+    origin: Pose  # T_parent_child at position 0
+    axis: Array  # unit axis in the child's frame
+    lower: float  # lowest position, 0 where ``<limit>`` leaves it out
+    upper: float  # highest position, 0 where ``<limit>`` leaves it out
+    effort: float | None  # limit as written; None where there is no number
+    velocity: float | None  # limit as written; None where there is no number
+    mimic: Mimic | None  # what it follows, if anything
+    # What cannot be read, by the part that it spoils: ``origin``, ``axis``, ``limit``, ``effort``,
+    # ``velocity``, ``mimic``. The part itself is then a stand-in. ``drive``: why no torque of its
+    # own drives it.
     faults: Mapping[str, str]
-    armature: float = 0.0
+    armature: float = 0.0  # reflected inertia of its rotor, kg·m² or kg
+    # Of a joint that is free, remarks on what is read otherwise than the file says, each with the
+    # joint's name.
     doubts: Mapping[str, str] = field(default_factory=dict)
 
     def at(self, position: float) -> Pose:
@@ -98,75 +83,47 @@ class TreeJoint:
 
 @dataclass(frozen=True, eq=False)
 class TreeLink:
-    """A link of the tree as it is written.
+    """A link of the tree as it is written."""
 
-    Attributes:
-        body: its inertial in the link's frame; None where there is none that can be read.
-        fault: why an inertial cannot be read, else empty.
-        outline: corners, in its frame, of the boxes round its shapes, meshes left out, (k, 3).
-        bounded: whether that is all of it: it has shapes, and none is a mesh.
-        element: its XML in a URDF.
-        doubts: remarks on what is read otherwise than the file says, each with the link's name.
-    """
-
-    body: Body | None
-    fault: str
-    outline: Array
-    bounded: bool
-    element: ET.Element | None = None
+    body: Body | None  # its inertial in the link's frame; None where there is none that can be read
+    fault: str  # why an inertial cannot be read, else empty
+    outline: Array  # corners, in its frame, of the boxes round its shapes, meshes left out, (k, 3)
+    bounded: bool  # whether that is all of it: it has shapes, and none is a mesh
+    element: ET.Element | None = None  # its XML in a URDF
+    # Remarks on what is read otherwise than the file says, each with the link's name.
     doubts: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """Positions of joints that are not free.
+    """Positions of joints that are not free."""
 
-    Attributes:
-        at: by joint, its own position, what it mimics, or 0, as which free joints count; rad or m.
-        faults: by follower, why its position is not known.
-        moved: by follower, the free joint that it moves with.
-    """
-
+    # By joint, its own position, what it mimics, or 0, as which free joints count; rad or m.
     at: Mapping[str, float]
-    faults: Mapping[str, str]
-    moved: Mapping[str, str]
+    faults: Mapping[str, str]  # by follower, why its position is not known
+    moved: Mapping[str, str]  # by follower, the free joint that it moves with
 
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """Links and joints of a robot's file.
+    """Links and joints of a robot's file."""
 
-    Attributes:
-        file: where it was read.
-        name: the robot's.
-        links: by name, in file order.
-        joints: by the name of their child link, in file order.
-        root: the link that no joint moves.
-        order: the joints, each behind the one that it hangs on.
-        arguments: of the .xacro that the file is.
-        foreign: what xacro left in the file, such as ``xacro:property``.
-        format: the key of the format that the file has, see `ROBOT_FORMATS`.
-        model: a MuJoCo model, compiled; None of a URDF.
-        bodies: by link that is one, its number in that model.
-        keyframe: the name of the keyframe that arms start at; empty where there is none.
-        qpos: of a MuJoCo model, all its positions there, else those that it is written at, (nq,).
-        addresses: of the movable joints in them.
-    """
-
-    file: Path
+    file: Path  # where it was read
     name: str
-    links: Mapping[str, TreeLink]
-    joints: Mapping[str, TreeJoint]
-    root: str
-    order: tuple[TreeJoint, ...]
-    foreign: tuple[str, ...]
-    format: str = "urdf"
-    arguments: tuple[tuple[str, str], ...] = ()
-    model: Any = None
+    links: Mapping[str, TreeLink]  # by name, in file order
+    joints: Mapping[str, TreeJoint]  # by the name of their child link, in file order
+    root: str  # the link that no joint moves
+    order: tuple[TreeJoint, ...]  # the joints, each behind the one that it hangs on
+    foreign: tuple[str, ...]  # what xacro left in the file, such as ``xacro:property``
+    format: str = "urdf"  # the key of the format that the file has, see `ROBOT_FORMATS`
+    arguments: tuple[tuple[str, str], ...] = ()  # of the .xacro that the file is
+    model: Any = None  # a MuJoCo model, compiled; None of a URDF
+    # By link that is one, its number in that model.
     bodies: Mapping[str, int] = field(default_factory=dict)
-    keyframe: str = ""
+    keyframe: str = ""  # the name of the keyframe that arms start at; empty where there is none
+    # Of a MuJoCo model, all its positions there, else those that it is written at, (nq,).
     qpos: Array = field(default_factory=lambda: np.zeros(0))
-    addresses: Mapping[str, int] = field(default_factory=dict)
+    addresses: Mapping[str, int] = field(default_factory=dict)  # of the movable joints in them
 
     @property
     def source(self) -> object:
@@ -208,12 +165,7 @@ class Tree:
         return above[parents.index(root) :: -1]
 
     def standing(self, locked: Mapping[str, float], free: Collection[str] = ()) -> Standing:
-        """Positions of the movable joints that are not free.
-
-        Args:
-            locked: positions of their own by joint.
-            free: names of the joints that move.
-        """
+        """Positions of the movable joints that are not free."""
         at = dict.fromkeys(free, 0.0) | dict(locked)
         faults: dict[str, str] = {}
         moved: dict[str, str] = {}

@@ -19,29 +19,17 @@ class Track:
     """A curve of closed postures, without regard to limits of revolute joints.
 
     It goes the way in which det [J; tᵀ], J the geometric Jacobian and t the tangent, is positive.
-
-    Attributes:
-        positions: arc length at its knots, rad (or m), from 0 on, (k,).
-        points: postures at the knots, without jumps by whole turns, (k, n).
-        tangents: of unit length, there, (k, n).
-        loop: whether the last knot is the first again, whole turns apart.
-        rails: of the arm, (1, n).
     """
 
-    positions: Array
-    points: Array
-    tangents: Array
-    loop: bool
-    rails: ClosureManifold
+    positions: Array  # arc length at its knots, rad (or m), from 0 on, (k,)
+    points: Array  # postures at the knots, without jumps by whole turns, (k, n)
+    tangents: Array  # of unit length, there, (k, n)
+    loop: bool  # whether the last knot is the first again, whole turns apart
+    rails: ClosureManifold  # of the arm, (1, n)
 
     @classmethod
     def of(cls, curve: Curve, rigid: bool) -> Track:
-        """A traced curve by its arc length.
-
-        Args:
-            curve: as traced.
-            rigid: whether orientations are held.
-        """
+        """A traced curve by its arc length."""
         points, tangents = curve.points, curve.tangents
         if curve.loop:
             points, tangents = (np.vstack([x, x[:1]]) for x in (points, tangents))

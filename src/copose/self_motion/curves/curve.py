@@ -35,27 +35,16 @@ class TracingOptions:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A traced self-motion with one degree of freedom: points in order, with tangents.
+    """A traced self-motion with one degree of freedom: points in order, with tangents."""
 
-    Attributes:
-        points: along it in order, the posture among them, (count, n).
-        tangents: there, (count, n).
-        loop: whether the last is followed by the first.
-        complete: whether both ends are at limits, or it is a loop.
-        met: whether the target, if any, was met, which ends the search.
-        stops: numbers of the joints whose limits end it.
-        rails: of the arm, (1, n).
-        options: by which it was traced.
-    """
-
-    points: Array
-    tangents: Array
-    loop: bool
-    complete: bool
-    met: bool
-    stops: tuple[int, ...]
-    rails: ClosureManifold
-    options: TracingOptions = TracingOptions()
+    points: Array  # along it in order, the posture among them, (count, n)
+    tangents: Array  # there, (count, n)
+    loop: bool  # whether the last is followed by the first
+    complete: bool  # whether both ends are at limits, or it is a loop
+    met: bool  # whether the target, if any, was met, which ends the search
+    stops: tuple[int, ...]  # numbers of the joints whose limits end it
+    rails: ClosureManifold  # of the arm, (1, n)
+    options: TracingOptions = TracingOptions()  # by which it was traced
 
     @cached_property
     def lengths(self) -> Array:

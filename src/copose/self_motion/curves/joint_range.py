@@ -24,19 +24,12 @@ class CutOptions:
 
 @dataclass(frozen=True, eq=False)
 class JointRange:
-    """Limits of an arm's joints, whole turns of revolute joints apart.
+    """Limits of an arm's joints, whole turns of revolute joints apart."""
 
-    Attributes:
-        lower: lowest positions, margin kept, −∞ where there is none, (n,).
-        upper: highest, alike.
-        revolute: which joints turn, (n,).
-        rounding: distance beyond a limit that counts as within, rad (or m).
-    """
-
-    lower: Array
-    upper: Array
-    revolute: Mask
-    rounding: float = 1e-9
+    lower: Array  # lowest positions, margin kept, −∞ where there is none, (n,)
+    upper: Array  # highest, alike
+    revolute: Mask  # which joints turn, (n,)
+    rounding: float = 1e-9  # distance beyond a limit that counts as within, rad (or m)
 
     @classmethod
     def of(cls, cell: Cell, i: int) -> JointRange:
@@ -85,19 +78,12 @@ class JointRange:
 
 @dataclass(frozen=True)
 class Cut:
-    """A crossing of a joint limit by a self-motion.
+    """A crossing of a joint limit by a self-motion."""
 
-    Attributes:
-        position: arc length, rad (or m).
-        joint: number of the joint.
-        upper: whether it is the upper limit.
-        entering: whether what follows is within limits.
-    """
-
-    position: float
-    joint: int
-    upper: bool
-    entering: bool
+    position: float  # arc length, rad (or m)
+    joint: int  # number of the joint
+    upper: bool  # whether it is the upper limit
+    entering: bool  # whether what follows is within limits
 
 
 def limit_cuts(
@@ -152,13 +138,7 @@ def _ends(track: Track, limits: JointRange, near: float) -> tuple[Cut, ...]:
 def allowed_pieces(
     length: float, cuts: tuple[Cut, ...], within: bool
 ) -> tuple[tuple[float, float], ...]:
-    """Intervals of arc length in which a curve is within limits.
-
-    Args:
-        length: of the curve.
-        cuts: in order.
-        within: whether the curve starts within limits.
-    """
+    """Intervals of arc length in which a curve is within limits."""
     edges = [0.0] if within else []
     edges += [cut.position for cut in cuts]
     if len(edges) % 2:

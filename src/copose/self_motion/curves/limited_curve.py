@@ -26,16 +26,11 @@ class Course:
     """A self-motion by arc length and its limits.
 
     Its start depends on the curve alone, not on the posture from which it was traced.
-
-    Attributes:
-        track: the curve from its start.
-        cuts: crossings of joint limits.
-        pieces: intervals of arc length within limits.
     """
 
-    track: Track
-    cuts: tuple[Cut, ...]
-    pieces: tuple[tuple[float, float], ...]
+    track: Track  # the curve from its start
+    cuts: tuple[Cut, ...]  # crossings of joint limits
+    pieces: tuple[tuple[float, float], ...]  # intervals of arc length within limits
 
     @classmethod
     def of(cls, track: Track, limits: JointRange, options: KnotOptions = KnotOptions()) -> Course:

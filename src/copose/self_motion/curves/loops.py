@@ -204,13 +204,7 @@ class Loops:
         self._remember(points, headings, paces, loops[rows])
 
     def _meet(
-        self,
-        front: Array,
-        places: Array,
-        heading: Array,
-        pace: Array,
-        going: Mask,
-        loops: Indices,
+        self, front: Array, places: Array, heading: Array, pace: Array, going: Mask, loops: Indices
     ) -> tuple[Array, Array, Array, Indices]:
         """Stop the fronts that are about to meet and join their loops.
 

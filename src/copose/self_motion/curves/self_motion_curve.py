@@ -20,42 +20,28 @@ class SelfMotionCurve:
     Lengths are those of joint space, rad (or m). The curve goes on beyond joint limits where it
     can. It starts in the middle of its longest part beyond limits. Neither its start nor its
     direction depends on the posture from which it was traced.
-
-    Attributes:
-        arm: its name.
-        joint_names: from root to tip.
-        branch: number among all self-motions at this pose that limits leave something of.
-        track: the curve and its knots, k of them, about evenly spaced: where limits cut it there
-            is one. Of a loop the last is the first again.
-        limits: of the joints.
-        cuts: crossings of joint limits, in order.
-        pieces: intervals of arc length within limits.
-        present: arc length at the posture of the arm; None of a self-motion that it is not on.
-        value: of the objective at that posture.
-        objective: with the other arms where they are, (k,); NaN where there is none, and outside
-            of the `window` where linear programs decide.
-        estimated: whether that is estimated, or taken between fewer postures.
-        clear: where nothing comes too near, (k,); within limits alone it is asked.
-        held: where torques hold the object at rest, if they have to, (k,), alike.
-        unit: of the objective.
-        others: the arm's other self-motions at this pose.
     """
 
     arm: str
-    joint_names: tuple[str, ...]
-    branch: int
+    joint_names: tuple[str, ...]  # from root to tip
+    branch: int  # number among all self-motions at this pose that limits leave something of
+    # The curve and its knots, k of them, about evenly spaced: where limits cut it there is one. Of
+    # a loop the last is the first again.
     track: Track
-    limits: JointRange
-    cuts: tuple[Cut, ...]
-    pieces: tuple[tuple[float, float], ...]
+    limits: JointRange  # of the joints
+    cuts: tuple[Cut, ...]  # crossings of joint limits, in order
+    pieces: tuple[tuple[float, float], ...]  # intervals of arc length within limits
+    # Arc length at the posture of the arm; None of a self-motion that it is not on.
     present: float | None
-    value: float | None
+    value: float | None  # of the objective at that posture
+    # With the other arms where they are, (k,); NaN where there is none, and outside of the `window`
+    # where linear programs decide.
     objective: Array
-    estimated: bool
-    clear: Mask
-    held: Mask
-    unit: str
-    others: tuple[SelfMotionCurve, ...] = ()
+    estimated: bool  # whether that is estimated, or taken between fewer postures
+    clear: Mask  # where nothing comes too near, (k,); within limits alone it is asked
+    held: Mask  # where torques hold the object at rest, if they have to, (k,), alike
+    unit: str  # of the objective
+    others: tuple[SelfMotionCurve, ...] = ()  # the arm's other self-motions at this pose
 
     @property
     def positions(self) -> Array:

@@ -36,17 +36,11 @@ class MissOptions:
 
 @dataclass(frozen=True, eq=False)
 class Miss:
-    """The nearest miss of an arm: the posture at the least gap to its grasp.
+    """The nearest miss of an arm: the posture at the least gap to its grasp."""
 
-    Attributes:
-        q: joint positions, (n,).
-        reason: a sentence with the arm and the gap.
-        sure: whether no posture comes nearer, by a bound, or because every start has led to the
-            same miss.
-    """
-
-    q: Array
-    reason: str
+    q: Array  # joint positions, (n,)
+    reason: str  # a sentence with the arm and the gap
+    # Whether no posture comes nearer, by a bound, or because every start has led to the same miss.
     sure: bool
 
 

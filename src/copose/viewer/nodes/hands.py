@@ -30,14 +30,6 @@ class FrameLook:
     origin: float = 0.07  # radius of the origin, as a share of the length
 
 
-@dataclass(frozen=True)
-class GapLook:
-    """The line from a hand to the grasp that it misses."""
-
-    radius: float = 0.004  # as a share of the scene
-    least: float = 1e-4  # m, distance from which the line is shown
-
-
 class Hands:
     """The hands of a cell and where they are to hold the object.
 
@@ -47,13 +39,10 @@ class Hands:
         scene: where they are drawn.
         arms: whose hands.
         rigid: whether a grasp fixes a hand's orientation; else it has no axes to show.
-        look: of the lines.
     """
 
-    def __init__(
-        self, scene: SceneApi, arms: Sequence[Arm], *, rigid: bool, look: GapLook = GapLook()
-    ) -> None:
-        self._arms, self._look = tuple(arms), look
+    def __init__(self, scene: SceneApi, arms: Sequence[Arm], *, rigid: bool) -> None:
+        self._arms = tuple(arms)
         self._size = 1.0
         self._grasps: dict[str, FrameHandle] = {}
         self._tips: dict[str, FrameHandle] = {}
@@ -94,10 +83,10 @@ class Hands:
         """Draw a line from a hand to the grasp that it misses."""
         gap, along = self._gaps[name], grasp - tip
         length = float(np.linalg.norm(along))
-        gap.visible = length > self._look.least
+        gap.visible = length > 1e-4  # m
         if gap.visible:
             move(gap, Pose.from_rotation(turned_to(along), (tip + grasp) / 2))
-            radius = self._look.radius * self._size
+            radius = 0.004 * self._size  # A share of the scene.
             gap.scale = (radius, radius, length)
 
 

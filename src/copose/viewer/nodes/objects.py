@@ -35,15 +35,7 @@ def add_object(
     ghost: bool = False,
     look: ObjectLook = ObjectLook(),
 ) -> MeshHandle | None:
-    """Add the object's shape and its edges; None where it has no shape.
-
-    Args:
-        scene: where it is drawn.
-        name: of the node.
-        problem: whose object.
-        ghost: whether it shows an earlier posture.
-        look: opacities and sizes.
-    """
+    """Add the object's shape and its edges; None where it has no shape."""
     shape, planar = problem.object.shape, problem.space.planar
     if shape is None:
         return None

@@ -110,7 +110,6 @@ def _net(level: Array) -> Triangles:
 
 
 def _shifted(grid: Mask, corner: Indices) -> Mask:
-    """A corner of every cell."""
     x, y, z = corner
     nx, ny, nz = np.array(grid.shape) - 1
     return np.asarray(grid[x : x + nx, y : y + ny, z : z + nz])

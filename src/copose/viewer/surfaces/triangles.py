@@ -11,15 +11,10 @@ from copose.poses import Array, Indices, Pose
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """A surface of triangles.
+    """A surface of triangles."""
 
-    Attributes:
-        vertices: its corners, m, (v, 3).
-        faces: corners of each triangle by number, (f, 3).
-    """
-
-    vertices: Array
-    faces: Indices
+    vertices: Array  # its corners, m, (v, 3)
+    faces: Indices  # corners of each triangle by number, (f, 3)
 
     def placed(self, pose: Pose) -> Triangles:
         """The same surface seen from the frame in which a pose places its own."""
