@@ -83,21 +83,32 @@ def test_every_room_is_on_the_map() -> None:
     assert all(0 < len(row[1]) <= 110 for row in rows(section("The rooms")))
 
 
-def test_rooms_stand_in_the_order_in_which_they_import() -> None:
+def layers_of(room: str) -> list[str]:
+    """The layers of the rooms in a room, the topmost first."""
     tool = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]
-    layers = next(
-        contract["layers"]
-        for contract in tool["importlinter"]["contracts"]
-        if contract["type"] == "layers" and "containers" not in contract
-    )
+    container = ".".join(("copose", *Path(room).parts))
+    contracts = tool["importlinter"]["contracts"]
+    return next(each["layers"] for each in contracts if each.get("containers") == [container])
+
+
+@pytest.mark.parametrize("room", sorted({Path(room).parent.as_posix() for room in ROOMS}))
+def test_rooms_stand_in_the_order_in_which_they_import(room: str) -> None:
     height = {
-        name.removeprefix("copose."): i
-        for i, layer in enumerate(reversed(layers))
+        name: i
+        for i, layer in enumerate(reversed(layers_of(room)))
         for name in re.split(r" [|:] ", layer)
     }
-    drawn = [room for room in table_rooms(section("The rooms")) if "/" not in room]
-    heights = [height[room] for room in drawn]
+    paths = [Path(each) for each in table_rooms(section("The rooms"))]
+    drawn = [path.name for path in paths if path.parent.as_posix() == room]
+    heights = [height[each] for each in drawn]
     assert heights == sorted(heights), [*zip(drawn, heights, strict=True)]
+
+
+def test_sub_rooms_stand_below_their_room() -> None:
+    drawn = table_rooms(section("The rooms"))
+    large = [room.partition("/")[0] for room in drawn]
+    assert [room for room in drawn if "/" not in room] == [*dict.fromkeys(large)]
+    assert large == sorted(large, key=[*dict.fromkeys(large)].index)
 
 
 def test_the_notation_is_that_of_the_code() -> None:

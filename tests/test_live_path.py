@@ -17,11 +17,11 @@ import copose
 import path_problems
 from copose.live.page import Page
 from copose.live.panels.path_words import instant, instant_headline, motion_headline
-from copose.live.path.motion import PathMotion
 from copose.live.plots.path_figure import motion_svg
 from copose.live.problem_file.document import Document
 from copose.live.scene.gizmos import Gizmo
-from copose.live.session import Session
+from copose.live.session.path_motion import PathMotion
+from copose.live.session.session import Session
 from copose.loader import parse
 from copose.motion.path.object_motion import waypoint_poses
 from copose.poses import Pose

@@ -12,9 +12,9 @@ import copose
 from copose.live.panels import objectives as aims
 from copose.live.problem_file.document import Document, key
 from copose.live.scene.gizmos import Gizmo, robot_mates
-from copose.live.session import Session
-from copose.live.state import SearchAim as Aim
-from copose.live.state import State
+from copose.live.session.session import Session
+from copose.live.session.state import SearchAim as Aim
+from copose.live.session.state import State
 from copose.live.worker import Worker
 from copose.poses import Pose
 from copose.posture import Planner

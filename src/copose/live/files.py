@@ -6,7 +6,7 @@ from pathlib import Path
 
 from copose.errors import InputError
 from copose.live.problem_file.saving import save_problem
-from copose.live.state import State
+from copose.live.session.state import State
 from copose.results import Solution, to_json, write_file
 
 

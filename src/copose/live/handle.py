@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from copose.live.page import Page
-    from copose.live.state import State
+    from copose.live.session.state import State
     from copose.problem import Problem
     from copose.results import Solution
 

@@ -8,38 +8,27 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from copose.errors import InputError
+from copose.live.display import Display, PageOptions
 from copose.live.files import file_named, save
-from copose.live.jog import ByHand
 from copose.live.panels import objectives as aims
 from copose.live.panels.panel import PagePanel
-from copose.live.panels.path_words import instant_headline
-from copose.live.path.player import PathPlayer
+from copose.live.path_player import PathPlayer
 from copose.live.problem_file.document import Document, case_names
 from copose.live.scene.gizmos import Gizmo
 from copose.live.scene.stage import PageScene
-from copose.live.session import Session
-from copose.live.state import SearchAim, State
+from copose.live.session.jog import ByHand
+from copose.live.session.session import Session
+from copose.live.session.state import SearchAim, State
 from copose.live.worker import Task, Worker
 from copose.poses import Pose
 from copose.problem import Problem
-from copose.progress import Progress, StoppedError
-from copose.results import Optimum, Posture
+from copose.progress import StoppedError
+from copose.results import Optimum
 from copose.viewer.server import quiet_server, stop
-
-
-@dataclass(frozen=True)
-class PageOptions:
-    """Times of a page."""
-
-    latencies: int = 2000  # answers to drags whose times are kept
-    moment: float = 0.025  # between two pictures of a transition, s
-    fade: int = 30  # moments for which the posture that arms have jumped from stays as a ghost
-    stroke: float = 1.0  # between two moves of a control that make one step of undo, at most, s
 
 
 class Page:
@@ -54,7 +43,7 @@ class Page:
     """
 
     def __init__(
-        self, problem: Problem, *, host: str, port: int, options: PageOptions = PageOptions()
+        self, problem: Problem, *, host: str, port: int, options: PageOptions | None = None
     ) -> None:
         """Find the opening posture and serve the page.
 
@@ -62,19 +51,18 @@ class Page:
             problem: as read by `copose.load`.
             host: address that the page is served at.
             port: port that it is served at, 0 for a free one.
-            options: times.
+            options: times; default those of `PageOptions`.
 
         Raises:
             InputError: the problem or the port cannot be used.
         """
         port = free_port(host, port)
-        self._options = options
+        self._options = options = options or PageOptions()
         self.latencies: deque[float] = deque(maxlen=options.latencies)
         self._written: set[Path] = set()
         self._stroke: tuple[object, float] = (None, 0.0)
         self._stroked = threading.Lock()
-        self.session = Session(Document.of(problem), self._render)
-        self.session.told = lambda state: None
+        self.session = Session(Document.of(problem), lambda state: None)
         self.session.open()
         self._hand = ByHand(self.session, self.session.spare)
         state = self.session.state
@@ -84,8 +72,8 @@ class Page:
         try:
             with self.server.atomic():
                 self._build(state)
-            self.session.told, self.session.waited = self._render, self._waited
-            self._render(state)
+            self.session.told, self.session.waited = self._display.render, self._display.waited
+            self._display.render(state)
         except BaseException:
             self._worker.end()
             stop(self.server)
@@ -101,33 +89,19 @@ class Page:
         gui.main_panel.dock_right()
         self.stage = PageScene(self.server, state, self._dragged)
         self.server.on_client_disconnect(lambda _: self.stage.gizmos.release())
-        self.path = self._path_player(state)
+        self.path: PathPlayer | None = None
+        if state.problem.path is not None:
+            self.path = PathPlayer(self.session, self._worker, self.server, self.stage.scene)
         kinds = aims.offered(self.session.document, state.solution)
         self.panel = PagePanel(gui, state.problem, self.session.spare, self, kinds, names)
         if self.path is not None:
             self.path.panel = self.panel.path
+        self._display = Display(
+            self.server, self.session, self._worker, self.stage, self.panel, self.path,
+            self._options,
+        )  # fmt: skip
         if state.posture is not None:
             self.stage.look(state.posture, [] if self.path is None else self.path.way)
-
-    def _path_player(self, state: State) -> PathPlayer | None:
-        """The player of the path; None where the problem has none."""
-        if state.problem.path is None:
-            return None
-        player = PathPlayer(self.session, self._worker, self.server, self.stage.scene)
-        player.told = self._planned
-        player.shows, player.left = self._instant_shown, self._posture_shown
-        return player
-
-    def _instant_shown(self) -> None:
-        """Show the motion in the panel, as the scene does."""
-        if self.path is not None:
-            motion = self.path.motion
-            self.panel.show_instant(instant_headline(motion), motion.state())
-
-    def _posture_shown(self) -> None:
-        """Show the posture in the scene again."""
-        self.stage.scene.show_before(self.state.start)
-        self._render(self.state)
 
     def _of_posture(self, task: Task) -> Task:
         """A task with the posture, which is shown first in place of the motion."""
@@ -228,7 +202,7 @@ class Page:
 
     def show(self, what: str, visible: bool) -> None:
         """Show or hide a part of the scene."""
-        self._worker.do(lambda: self._shown(what, visible))
+        self._worker.do(lambda: self._display.see(what, visible))
 
     def save(self, kind: str, file: str) -> None:
         """Write a file, and say so in the panel."""
@@ -312,18 +286,17 @@ class Page:
     def _searched(self, aim: SearchAim | None) -> None:
         """Search, and show as a ghost the posture that the arms have jumped from."""
         try:
-            self.session.search(aim, self._progress)
+            self.session.search(aim, self._display.progress)
         finally:
             self.panel.progress(None)
-        moving = self.path is not None and self.path.shown
-        if self.state.left is not None and not moving:
-            self._fade(self.state.left)
+        if self.state.left is not None and not self._display.moving:
+            self._display.fade(self.state.left)
         self._look()
 
     def _changed(self, changes: Mapping[str, Any]) -> None:
         """Change settings, and search."""
         try:
-            self.session.change(changes, self._progress)
+            self.session.change(changes, self._display.progress)
         finally:
             self.panel.progress(None)
         self._look()
@@ -349,75 +322,10 @@ class Page:
                 self.panel.hand.show(self._hand)
                 self.panel.hand.rest()
 
-    def _waited(self) -> bool:
-        """Wait a moment between two pictures of a transition; False where a task is waiting."""
-        if self._worker.waiting or not self.server.get_clients():
-            return False
-        time.sleep(self._options.moment)
-        return True
-
-    def _fade(self, left: Posture) -> None:
-        """Show for a moment, as a ghost, the posture that the arms have jumped from."""
-        self.stage.scene.show_before(left)
-        for _ in range(self._options.fade):
-            if not self._waited():
-                break
-        self.stage.scene.show_before(self.state.start)
-
-    def _progress(self, now: Progress) -> None:
-        """Show progress, and interrupt the search where a hand moves."""
-        if self._worker.pressed:
-            # A move that came as the search began did not find it to interrupt.
-            self.session.interrupt()
-        self.panel.progress(now)
-
-    def _planned(self, now: Progress | None) -> None:
-        """Show the progress of planning; None once it is over."""
-        if now is None:
-            self.panel.progress(None)
-        else:
-            self._progress(now)
-
     def _failed(self, error: Exception) -> None:
         """Show the error of a task."""
         words = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
         self.session.fail(words)
-
-    def _shown(self, what: str, visible: bool) -> None:
-        """Show or hide a part of the scene."""
-        with self.server.atomic():
-            if what == "path" and self.path is not None:
-                self.path.see(visible)
-                return
-            self.stage.see(what, visible)
-            if what == "exact set":
-                self._show_exact_set()
-
-    def _show_exact_set(self) -> None:
-        """Show the exact set of accelerations where it is asked for and the hand rests."""
-        state, posture = self.state, None
-        moving = self.path is not None and self.path.shown
-        after = state.solution.after
-        if self.stage.exact and state.searched and not moving and after is not None:
-            planner = self.session.planner()
-            told = planner.evaluate(after.joints, problem=state.problem, everything=True)
-            posture = told.after
-        self.stage.scene.show_exact_set(posture)
-
-    def _render(self, state: State) -> None:
-        """Show a state in scene and panel at once."""
-        with self.server.atomic():
-            self.stage.show(state)
-            if self.stage.exact:
-                self._show_exact_set()
-            self.panel.show(state)
-            if self.path is not None:
-                self.path.render(state)
-            if self.path is not None and self.path.shown:
-                self.path.redraw()
-            else:
-                self.stage.show_posture(state)
-        self.server.flush()
 
 
 def free_port(host: str, port: int) -> int:

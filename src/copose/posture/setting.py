@@ -11,7 +11,7 @@ from copose.cell.context import PostureContext
 from copose.constraints.clearance import configurations_of
 from copose.objectives.objective import Objective
 from copose.poses import Array
-from copose.self_motion.kernels import Placement
+from copose.self_motion.kernels import KernelInputs
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Setting(PostureContext):
     """
 
     objective: Objective
-    placement: Placement
+    placement: KernelInputs
     given: Array
     lower: tuple[Array, ...]
     upper: tuple[Array, ...]

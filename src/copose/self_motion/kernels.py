@@ -132,7 +132,7 @@ def _damped_step(residual: ca.SX, J: ca.SX, options: ClosingOptions) -> ca.SX:
 
 
 @dataclass(frozen=True, eq=False)
-class Placement:
+class KernelInputs:
     """Parameters of the kernels for one placement of the object."""
 
     goals: tuple[Array, ...]  # by arm, tip position and quaternion in its root frame, (7,)
@@ -160,11 +160,11 @@ class KernelInputsBuilder:
         self._edges = np.cumsum([part.numel() for part in parts])[:-1]
         self.kernel = Kernel(system.parameters, ca.SX(0, 1), ca.vertcat(*parts))
 
-    def __call__(self, parameters: Array) -> Placement:
+    def __call__(self, parameters: Array) -> KernelInputs:
         """The kernels' parameters for parameters of the object, see `System.parameters`."""
         inertia, *parts = np.split(self.kernel(parameters[None], np.zeros(0))[0], self._edges)
         ties = zip(parts[1::2], self._scales, strict=True)
-        return Placement(
+        return KernelInputs(
             goals=tuple(parts[::2]),
             ties=tuple(np.concatenate(tie) for tie in ties),
             inertia=inertia,

@@ -11,7 +11,7 @@ from copose.self_motion.kernels import ArmKernels
 
 
 @dataclass(frozen=True)
-class NewtonOptions:
+class LeastSquaresOptions:
     """Damped Newton steps of nonlinear least squares; damping is relative to the curvature."""
 
     steps: int = 60
@@ -34,7 +34,7 @@ def nearest(
     upper: Array,
     *,
     weights: Array | float = 1.0,
-    options: NewtonOptions = NewtonOptions(),
+    options: LeastSquaresOptions = LeastSquaresOptions(),
 ) -> tuple[Array, Array]:
     """Local minima of |weights · closure(q)| over lower ≤ q ≤ upper, by damped Newton steps.
 
@@ -44,7 +44,7 @@ def nearest(
     Args:
         kernels: of the arm.
         q: postures to start from, (count, n).
-        goal: of the tip, see `Placement`, (7,).
+        goal: of the tip, see `KernelInputs`, (7,).
         lower: joint limits, −inf where there is none, (n,).
         upper: alike.
         weights: of the closure's rows, (m,).

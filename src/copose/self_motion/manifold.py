@@ -19,7 +19,7 @@ class ClosureManifold:
     """Closed postures within limits of k arms of one model."""
 
     kernels: ArmKernels  # of the model
-    goals: Array  # of the tips, see `Placement`, (k, 7)
+    goals: Array  # of the tips, see `KernelInputs`, (k, 7)
     lower: Array  # joint limits, (k, n); ``upper`` alike
     upper: Array
     unlimited: Mask  # joints that are the same after a turn, (k, n)

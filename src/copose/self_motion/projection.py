@@ -29,7 +29,7 @@ def project(
     Args:
         kernels: of the arm.
         q: postures to start from, (count, n).
-        goal: of the tip, see `Placement`, (7,) or one for each posture.
+        goal: of the tip, see `KernelInputs`, (7,) or one for each posture.
         lower: joint limits, −inf where there is none, (n,) or one for each posture.
         upper: alike.
         steps: at most, rounded up to a multiple of `ArmKernels.steps`.

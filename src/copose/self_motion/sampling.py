@@ -55,7 +55,7 @@ class ArmSampler:
     cell: Cell  # with the object where it is
     kernels: ArmKernels  # of the arm
     i: int  # its number
-    goal: Array  # of its tip, see `Placement`
+    goal: Array  # of its tip, see `KernelInputs`
     options: SamplingOptions = SamplingOptions()
 
     def sample(

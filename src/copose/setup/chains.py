@@ -49,7 +49,7 @@ class ChainOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class ArmChain:
     """An arm of a robot's tree."""
 
     tree: Tree
@@ -83,7 +83,7 @@ def _says(side: str, *names: str) -> bool:
 
 def find_chains(
     tree: Tree, named: Collection[str] = (), options: ChainOptions = ChainOptions()
-) -> list[Chain]:
+) -> list[ArmChain]:
     """The arms of a robot, in file order, without legs, heads, fingers and wheels."""
     branches = _Branches(tree, options)
     ends = branches.ends
@@ -104,7 +104,7 @@ def find_chains(
 
 def chain_to(
     tree: Tree, tip: str, others: Sequence[str] = (), options: ChainOptions = ChainOptions()
-) -> Chain:
+) -> ArmChain:
     """The arm that ends in a link.
 
     Args:
@@ -196,7 +196,9 @@ class _Branches:
         return [path for name, path in kept.items() if name not in inner]
 
 
-def _chain(tree: Tree, tip: str, why: str, shared: Collection[str], options: ChainOptions) -> Chain:
+def _chain(
+    tree: Tree, tip: str, why: str, shared: Collection[str], options: ChainOptions
+) -> ArmChain:
     """The arm to a tip; joints that are shared, of the trunk, or without a range are locked."""
     path = tree.ancestors(tip)[::-1]
     root = tree.root
@@ -227,7 +229,7 @@ def _chain(tree: Tree, tip: str, why: str, shared: Collection[str], options: Cha
         joint = tree.movable[follower]
         if joint in path or placed[joint.child][0] is not None:
             locked.append((joint, 0.0, "what it should follow is missing"))
-    return Chain(tree, root, tip, why, free, tuple(locked))
+    return ArmChain(tree, root, tip, why, free, tuple(locked))
 
 
 def _middle(joint: TreeJoint, endless: float) -> float:

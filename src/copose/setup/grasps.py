@@ -28,7 +28,7 @@ class GraspOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Holding:
+class GraspedObject:
     """The placement of an object and the grasps of all arms on it."""
 
     object: Pose  # T_world_object
@@ -40,7 +40,7 @@ class Holding:
 def choose(
     cell: Cell, kernels: Sequence[ArmKernels], hands: Sequence[Hand],
     groups: Sequence[Sequence[Place]], size: Array, options: GraspOptions = GraspOptions(),
-) -> Holding:  # fmt: skip
+) -> GraspedObject:  # fmt: skip
     """The place and grasps at which the arm that closes least often closes most often.
 
     The first place at which it closes often enough is taken.
@@ -77,7 +77,7 @@ def choose(
     for i, grasp in enumerate(grasps):
         q = _drawn(cell, i, options.chosen_drawn)
         starts.append(_roomiest(cell, i, *_closed(cell, kernels[i], i, q, object_pose, [grasp])))
-    return Holding(object_pose, tuple(grasps), tuple(starts))
+    return GraspedObject(object_pose, tuple(grasps), tuple(starts))
 
 
 def _drawn(cell: Cell, i: int, count: int) -> Array:

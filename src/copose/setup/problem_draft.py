@@ -23,11 +23,11 @@ from copose.progress import stage
 from copose.robots import Arm, ArmStart
 from copose.self_motion.kernels import ArmKernels
 from copose.setup.chains import ChainOptions
-from copose.setup.grasps import Holding, choose
+from copose.setup.grasps import GraspedObject, choose
 from copose.setup.hands import Hand
 from copose.setup.layout import Reach, bases, places
 from copose.setup.problem_text import number
-from copose.setup.problem_writer import BoxOptions, Wishes, Writer
+from copose.setup.problem_writer import GuessedBox, Wishes, Writer
 from copose.setup.robot_entries import NamedArm, RobotEntry, named_arms
 
 
@@ -81,7 +81,7 @@ def draft(robots: Sequence[str], file: Path, wishes: Wishes) -> Draft:
         replace(chain, base=stands[arm.robot]) for arm, chain in zip(arms, cell.arms, strict=True)
     )
     shortest = min(reach.length for reach in reaches)
-    size = np.array(wishes.size) if wishes.size is not None else _box(shortest, BoxOptions())
+    size = np.array(wishes.size) if wishes.size is not None else _box(shortest, GuessedBox())
     if taught is not None:
         holding = _taught_holding(standing, taught)
     else:
@@ -166,7 +166,7 @@ def _kernels(cell: Cell) -> list[ArmKernels]:
     return [known[arm.fingerprint] for arm in cell.arms]
 
 
-def _box(shortest: float, options: BoxOptions) -> Array:
+def _box(shortest: float, options: GuessedBox) -> Array:
     """Edges of the guessed box for a shortest reach, m, (3,)."""
     edge = max(round(min(options.edge, options.edge_share * shortest), 2), 0.02)
     return np.full(3, edge)
@@ -202,9 +202,9 @@ def _taught(cell: Cell, joints: Mapping[str, Sequence[float]] | None) -> list[Ar
     return postures
 
 
-def _taught_holding(arms: Sequence[Arm], joints: Sequence[Array]) -> Holding:
+def _taught_holding(arms: Sequence[Arm], joints: Sequence[Array]) -> GraspedObject:
     """The object midway between the tips, held where they are."""
     tips = [arm.frames(q)[-1] for arm, q in zip(arms, joints, strict=True)]
     middle = reduce(np.add, (tip.position for tip in tips)) / len(tips)
     thing = Pose.from_rpy([number(x, 6) for x in middle])
-    return Holding(thing, tuple(thing.inverse() @ tip for tip in tips), tuple(joints))
+    return GraspedObject(thing, tuple(thing.inverse() @ tip for tip in tips), tuple(joints))

@@ -9,7 +9,7 @@ from copose.cell.cell import Cell
 from copose.poses import Array, Pose
 from copose.problem import SCHEMA
 from copose.robots import Arm
-from copose.setup.grasps import Holding
+from copose.setup.grasps import GraspedObject
 from copose.setup.hands import Hand
 from copose.setup.layout import LayoutOptions, Reach
 from copose.setup.problem_text import ProblemText, number, placement, plain_line
@@ -17,7 +17,7 @@ from copose.setup.robot_entries import NamedArm, RobotEntry
 
 
 @dataclass(frozen=True)
-class BoxOptions:
+class GuessedBox:
     """The box that is guessed as object."""
 
     edge: float = 0.3  # m, at most
@@ -46,7 +46,7 @@ class Writer:
     arms: Sequence[NamedArm]
     chains: Sequence[Arm]
     hands: Sequence[Hand]
-    holding: Holding
+    holding: GraspedObject
     stands: Sequence[Pose]
     reaches: Sequence[Sequence[Reach]]
 
@@ -91,7 +91,7 @@ class Writer:
     def _object(
         self, text: ProblemText, wishes: Wishes, size: Array, shortest: float, taught: bool
     ) -> None:
-        mass, guess, box = wishes.mass, "", BoxOptions()
+        mass, guess, box = wishes.mass, "", GuessedBox()
         if mass is None:
             mass = box.mass if shortest > box.long_reach else box.light_mass
             guess = "a light load, kg"

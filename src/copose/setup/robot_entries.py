@@ -12,7 +12,7 @@ from copose.robots.files.file_paths import resolve
 from copose.robots.files.mjcf_tree import first_tag, read_mjcf
 from copose.robots.files.urdf_tree import read_tree
 from copose.robots.robot import Robot
-from copose.setup.chains import Chain, chain_to, find_chains
+from copose.setup.chains import ArmChain, chain_to, find_chains
 from copose.setup.srdf import srdf_tips
 
 
@@ -22,7 +22,7 @@ class NamedArm:
 
     name: str  # in the problem
     robot: int  # which of the robots it is part of
-    chain: Chain
+    chain: ArmChain
 
     @property
     def locked(self) -> dict[str, float]:

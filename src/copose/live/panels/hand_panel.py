@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, Protocol
 
-from copose.live.jog import ByHand
 from copose.live.panels.controls import Controls, put, put_content, see
 from copose.live.plots.landscape_figure import curve_svg
 from copose.live.plots.landscape_map import map_svg
+from copose.live.session.jog import ByHand
 
 
 class HandActs(Protocol):

@@ -17,7 +17,7 @@ from copose.live.panels.markup import line
 from copose.live.panels.path_panel import PathActs, PathPanel
 from copose.live.panels.search_panel import SearchActs, SearchPanel
 from copose.live.panels.task_panel import TaskActs, TaskPanel
-from copose.live.state import State
+from copose.live.session.state import State
 from copose.problem import Problem
 from copose.progress import Progress
 

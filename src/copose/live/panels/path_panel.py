@@ -11,8 +11,8 @@ from copose.live.panels.controls import Controls, put, put_content
 from copose.live.panels.markup import line
 from copose.live.panels.path_words import instant, motion_headline
 from copose.live.panels.readout import notes
-from copose.live.path.motion import PathMotion, PlannedMotion
 from copose.live.plots.path_figure import motion_svg
+from copose.live.session.path_motion import PathMotion, PlannedMotion
 
 
 class PathActs(Protocol):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from html import escape
 
 from copose.live.panels.markup import SMALL, message, titled_table
-from copose.live.path.motion import PathMotion
 from copose.live.plots.path_figure import cursor_style
+from copose.live.session.path_motion import PathMotion
 from copose.report.look import LOOK
 from copose.report.numbers import six, three
 from copose.report.words import (

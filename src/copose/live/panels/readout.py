@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from html import escape
 
 from copose.live.panels.markup import SMALL, message, titled_table
-from copose.live.state import State
+from copose.live.session.state import State
 from copose.report.look import LOOK, arm_colors
 from copose.report.numbers import six
 from copose.report.text.columns import shared_beginning

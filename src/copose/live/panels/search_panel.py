@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import viser
 
 from copose.live.panels.controls import Controls, see
-from copose.live.state import SearchAim
+from copose.live.session.state import SearchAim
 from copose.report.numbers import six
 from copose.results import Optimum
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import viser
 
 from copose.live.scene.gizmos import Dragged, Gizmos
-from copose.live.state import State
+from copose.live.session.state import State
 from copose.poses import Pose
 from copose.results import Posture
 from copose.robots import load_arms

@@ -14,7 +14,7 @@ from copose.posture.model import PostureModel
 from copose.self_motion.projection import project
 
 
-def hermite(q: Array, rates: Array, step: float, part: float) -> Array:
+def hermite_points(q: Array, rates: Array, step: float, part: float) -> Array:
     """Joint positions at a part of every interval, (n − 1, N).
 
     Args:
@@ -55,7 +55,7 @@ def opening(
     for part in parts:
         phases = begins + part / (n - 1)
         for i, (joints, joint_rates) in enumerate(zip(q, rates, strict=True)):
-            between = hermite(joints, joint_rates, duration / (n - 1), part)
+            between = hermite_points(joints, joint_rates, duration / (n - 1), part)
             gap = model.arms[i].gap(between, tip_goals(cell, journey, i, phases))
             errors = closure_errors(gap[:, list(space.linear)], gap[:, 3:], space.rigid)
             worst = max(worst, float(errors.max()))

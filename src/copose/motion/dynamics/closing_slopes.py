@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from copose.motion.curve.differences import tridiagonal
-from copose.motion.curve.hermite import hermite
+from copose.motion.curve.hermite import hermite_points
 from copose.motion.path.knots import tip_goals
 from copose.motion.path.object_motion import ObjectMotion
 from copose.poses import Array
@@ -16,13 +16,13 @@ from copose.posture.model import PostureModel
 
 @dataclass(frozen=True)
 class ClosingSlopeOptions:
-    """Options of `closing_slopes`."""
+    """Options of `closing_rates`."""
 
     steps: int = 6  # Gauss–Newton steps
     turn_weight: float = 1e-3  # damping: m of opening that a rad along the self-motion counts
 
 
-def closing_slopes(
+def closing_rates(
     model: PostureModel,
     journey: ObjectMotion,
     i: int,
@@ -54,7 +54,7 @@ def closing_slopes(
     goals = tip_goals(model.cell, journey, i, phases)
     at_limit = np.zeros(count - 2, dtype=bool)
     for _ in range(options.steps):
-        residual, slope = model.arms[i].residual(hermite(q, rates, step, 0.5), goals)
+        residual, slope = model.arms[i].residual(hermite_points(q, rates, step, 0.5), goals)
         # What the middle of an interval moves by with the rates before and after it.
         before = step / 8 * (slope @ spare[:-1, :, None])[:, :, 0]
         after = -step / 8 * (slope @ spare[1:, :, None])[:, :, 0]

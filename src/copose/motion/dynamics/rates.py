@@ -11,8 +11,8 @@ import numpy as np
 from copose.cell.dynamics import CellDynamics
 from copose.kernels import Kernel
 from copose.motion.curve.differences import bends, slopes, spline_slopes
-from copose.motion.curve.hermite import hermite
-from copose.motion.dynamics.closing_slopes import closing_slopes, within_speeds
+from copose.motion.curve.hermite import hermite_points
+from copose.motion.dynamics.closing_slopes import closing_rates, within_speeds
 from copose.motion.dynamics.inverse_dynamics import Carrying, Torques, turn
 from copose.motion.path.knots import Course, tip_goals
 from copose.motion.path.object_motion import ObjectMotion
@@ -149,7 +149,7 @@ class JointRates:
         rates[[0, -1]] = 0.0
         if len(q) > 2 and J.shape[2] == J.shape[1] + 1 and self._opens(i, q, rates, step):
             spare = np.linalg.qr(J.swapaxes(1, 2), mode="complete")[0][:, :, -1]
-            rates = closing_slopes(self._model, self._journey, i, q, rates, spare, step)
+            rates = closing_rates(self._model, self._journey, i, q, rates, spare, step)
         over = np.flatnonzero((np.abs(rates) > speeds).any(axis=1))
         if len(over):
             rates[over] = self._within(J[over], rates[over], speeds)
@@ -160,7 +160,7 @@ class JointRates:
         """True where the chain opens by more than part of its tolerance between knots."""
         phases = (np.arange(len(q) - 1) + 0.5) / (len(q) - 1)
         goals = tip_goals(self._cell, self._journey, i, phases)
-        residual, _ = self._model.arms[i].residual(hermite(q, rates, step, 0.5), goals)
+        residual, _ = self._model.arms[i].residual(hermite_points(q, rates, step, 0.5), goals)
         most = self._options.opening * self._tolerance
         return bool(np.linalg.norm(residual, axis=1).max(initial=0.0) > most)
 

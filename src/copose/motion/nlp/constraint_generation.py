@@ -17,14 +17,14 @@ from copose.motion.dynamics.rates import JointRates
 from copose.motion.nlp.clearance_rows import ClearanceRows
 from copose.motion.nlp.knot import KnotNlp, MotionKind
 from copose.motion.nlp.knot_constraints import tightened
-from copose.motion.nlp.motion_nlp import MotionProgram, Multipliers, OptimisedMotion, Task
+from copose.motion.nlp.motion_nlp import MotionInputs, MotionProgram, Multipliers, OptimisedMotion
 from copose.motion.nlp.starts import started
 from copose.motion.path.knots import Course
 from copose.objectives.objective import Cuts
 from copose.poses import Array, Mask
 from copose.posture.local.nlp_cuts import CutOptions
 from copose.posture.model import PostureModel
-from copose.posture.solvers.constraint_generation import GenerationOptions, Step, generate
+from copose.posture.solvers.constraint_generation import GenerationOptions, ProgramEnd, generate
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Met:
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class MotionRequest:
     """A motion that is sought, and the factors by which its program tightens limits."""
 
     course: Course  # at the knots
@@ -117,7 +117,9 @@ class Solver:
             )  # fmt: skip
         return self._tasks[kind]
 
-    def solved(self, case: Case, q: Array, warm: Multipliers | None = None) -> OptimisedMotion:
+    def solved(
+        self, case: MotionRequest, q: Array, warm: Multipliers | None = None
+    ) -> OptimisedMotion:
         """The best motion near one, (n, N), with demands that a program left out."""
         model, settings = self._model, case.course.settings
         cuts = [
@@ -131,7 +133,7 @@ class Solver:
 
         def solve(
             motion: OptimisedMotion, cuts: list[Cuts], room: float
-        ) -> Step[OptimisedMotion, list[Cuts]] | None:
+        ) -> ProgramEnd[OptimisedMotion, list[Cuts]] | None:
             ends.append(self._apart(case, motion.q, cuts, motion.multipliers))
             if not ends[-1].converged:
                 return None
@@ -141,7 +143,7 @@ class Solver:
             ]
             added = [old if new is None else new for old, new in zip(cuts, violated, strict=True)]
             done = all(new is None for new in violated)
-            return Step(ends[-1], 0.0, 0.0, None if done else added)
+            return ProgramEnd(ends[-1], 0.0, 0.0, None if done else added)
 
         start = OptimisedMotion(q, case.conditions.duration, False, "", ("", 0, np.inf), warm)
         rounds = 1 + self._options.exchanges
@@ -150,7 +152,7 @@ class Solver:
         return ends[-1]
 
     def _apart(
-        self, case: Case, q: Array, cuts: list[Cuts], warm: Multipliers | None
+        self, case: MotionRequest, q: Array, cuts: list[Cuts], warm: Multipliers | None
     ) -> OptimisedMotion:
         """The best motion near one, (n, N), with the pairs of bodies that it ran into."""
         model, course = self._model, case.course
@@ -190,7 +192,7 @@ class Solver:
 
     def _run(
         self,
-        case: Case,
+        case: MotionRequest,
         near: Sequence[tuple[Witness, ...]],
         q: Array,
         cuts: list[Cuts],
@@ -220,7 +222,7 @@ class Solver:
         sharp = self._kinked and not smooth
         return MotionProgram(
             task,
-            Task(
+            MotionInputs(
                 parameters=parameters,
                 duration=conditions.duration,
                 smoothness=case.smoothness,

@@ -62,7 +62,7 @@ class Multipliers:
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class MotionInputs:
     """Inputs of a motion's program."""
 
     parameters: Array  # of every knot, see `KnotNlp`, (n, p)
@@ -102,7 +102,10 @@ class MotionProgram:
     """The program of one kind over all knots of a motion, for certain inputs."""
 
     def __init__(
-        self, task: KnotNlp, inputs: Task, options: MotionProgramOptions = MotionProgramOptions()
+        self,
+        task: KnotNlp,
+        inputs: MotionInputs,
+        options: MotionProgramOptions = MotionProgramOptions(),
     ) -> None:
         """Lay out the program."""
         self._task, self._inputs, self._options = task, inputs, options

@@ -22,7 +22,7 @@ class Course:
     phases: Array  # φ, (n,)
     stations: tuple[ObjectState, ...]  # of the object
     settings: tuple[Setting, ...]  # what the kernels take there
-    goals: tuple[Array, ...]  # of the tips by arm, see `Placement`, (n, 7)
+    goals: tuple[Array, ...]  # of the tips by arm, see `KernelInputs`, (n, 7)
     velocities: tuple[Array, ...]  # of the contacts by arm, world axes, (n, m)
     accelerations: tuple[Array, ...]  # alike
 
@@ -112,7 +112,7 @@ def uniform(count: int) -> Array:
 
 
 def tip_goals(cell: Cell, journey: ObjectMotion, i: int, phases: Array) -> Array:
-    """Poses that the object asks of the tip of arm i, see `Placement`, (count, 7)."""
+    """Poses that the object asks of the tip of arm i, see `KernelInputs`, (count, 7)."""
     base, grasp = cell.arms[i].base, cell.arms[i].grasp
     positions, quaternions = journey.places(phases)
     rotations = np.array(rotation_rows(quaternions.T)).transpose(2, 0, 1)

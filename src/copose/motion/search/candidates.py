@@ -28,7 +28,7 @@ from copose.motion.search.obstruction import (
 from copose.motion.search.refinement import Refiner
 from copose.poses import Array
 from copose.posture.model import PostureModel
-from copose.posture.search.heaviest import heaviest
+from copose.posture.search.heaviest import heaviest_object
 from copose.progress import stage
 
 
@@ -227,7 +227,7 @@ class CandidateSearch:
         k = int(shares.argmax())
         if shares[k] <= 1 + HELD:
             return None
-        most = heaviest(self.course.settings[k].cell, self.seed)
+        most = heaviest_object(self.course.settings[k].cell, self.seed)
         sure = bool(self._judged)
         if not sure and len(most.q) and (self._shares(k, most.q) <= 1 + HELD).any():
             return None

@@ -21,7 +21,7 @@ from copose.posture.search.heaviest import times
 from copose.posture.setting import Setting
 from copose.progress import StoppedError
 from copose.self_motion.misses.branch_and_bound import excluded
-from copose.self_motion.misses.nearest_miss import nearest_miss
+from copose.self_motion.misses.nearest_miss import miss_of
 from copose.self_motion.projection import CLOSED, project
 from copose.self_motion.sampling import ArmSampler
 
@@ -98,7 +98,7 @@ def disconnected(
             f"they are on other branches (branch){_stopping(model, roadmap, course, i, stop)}",
             sure=sure,
         )
-    missed = nearest_miss(setting.cell, model.arms[i], setting.placement.goals[i], i, sample).sure
+    missed = miss_of(setting.cell, model.arms[i], setting.placement.goals[i], i, sample).sure
     return _obstruction(f"{when}: {_miss(model, i, goal, sample.missed)}", sure=missed)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from copose.cell.dynamics import HELD
 from copose.kernels import Kernel
 from copose.motion.dynamics.rates import JointRates
-from copose.motion.nlp.constraint_generation import Case, EndConditions, Met, Solver
+from copose.motion.nlp.constraint_generation import EndConditions, Met, MotionRequest, Solver
 from copose.motion.nlp.knot import MotionKind
 from copose.motion.nlp.motion_nlp import Multipliers, OptimisedMotion
 from copose.motion.nlp.starts import values_at
@@ -152,7 +152,9 @@ class MotionOptimiser:
         case = case if met is None else replace(case, met=met)
         return self._timed(case, q, partial(self._best, warm=warm))
 
-    def _best(self, case: Case, q: Array, warm: Multipliers | None = None) -> OptimisedMotion:
+    def _best(
+        self, case: MotionRequest, q: Array, warm: Multipliers | None = None
+    ) -> OptimisedMotion:
         if self.kinked:
             rounded = self._solver.solved(replace(case, near=False, kind=MotionKind.SMOOTHED), q)
             return rounded if case.roughly else self._sharpened(case, q, rounded)
@@ -161,11 +163,11 @@ class MotionOptimiser:
             return self._solver.solved(replace(case, near=False), q)
         return motion
 
-    def _quickest(self, case: Case, q: Array) -> OptimisedMotion:
+    def _quickest(self, case: MotionRequest, q: Array) -> OptimisedMotion:
         return self._solver.solved(replace(case, near=False, kind=MotionKind.SHORTEST), q)
 
     def _timed(
-        self, case: Case, q: Array, best: Callable[[Case, Array], OptimisedMotion]
+        self, case: MotionRequest, q: Array, best: Callable[[MotionRequest, Array], OptimisedMotion]
     ) -> OptimisedMotion:
         """The best of a case near a motion, in little more than the shortest time if that is
         sought.
@@ -196,7 +198,9 @@ class MotionOptimiser:
         """True where the objective has kinks where it is largest."""
         return self._model.objective.non_smooth
 
-    def _sharpened(self, case: Case, q: Array, rounded: OptimisedMotion) -> OptimisedMotion:
+    def _sharpened(
+        self, case: MotionRequest, q: Array, rounded: OptimisedMotion
+    ) -> OptimisedMotion:
         """The best motion of an objective with kinks, from that of one without, which stands in
         where the program with kinks does not converge.
         """
@@ -249,16 +253,16 @@ class MotionOptimiser:
         cut = np.minimum(options.excess * over, options.most_cut)
         return np.asarray(np.where(over > 0, 1 - cut - options.least_cut, 1.0))
 
-    def _again(self, case: Case, motion: OptimisedMotion) -> OptimisedMotion:
+    def _again(self, case: MotionRequest, motion: OptimisedMotion) -> OptimisedMotion:
         """The best motion of a tightened program, near the one before."""
         if not self.shortest:
             return self._solver.solved(case, motion.q, motion.multipliers)
         conditions = replace(case.conditions, duration=motion.duration)
         return self._timed(replace(case, conditions=conditions), motion.q, self._solver.solved)
 
-    def _case(self, course: Course, conditions: EndConditions) -> Case:
+    def _case(self, course: Course, conditions: EndConditions) -> MotionRequest:
         every = np.ones(len(course))
-        return Case(
+        return MotionRequest(
             course=course,
             conditions=conditions,
             kind=MotionKind.BEST,

@@ -13,7 +13,7 @@ from copose.results import Solution
 
 
 @dataclass(frozen=True, eq=False)
-class Aim:
+class PostureGoal:
     """The goal of a motion without a path.
 
     Attributes:
@@ -27,7 +27,7 @@ class Aim:
     reachable: bool | None
 
 
-def aim(problem: Problem, seed: int | None) -> Aim:
+def aim(problem: Problem, seed: int | None) -> PostureGoal:
     """The best posture, or the best one that can be reached without letting go, as a goal."""
     solution = Planner(problem).solve(seed=seed)
     reachable = solution.reachable_from_start
@@ -37,9 +37,9 @@ def aim(problem: Problem, seed: int | None) -> Aim:
         restricted._source = problem.source
         solution = Planner(restricted).solve(seed=seed)
     if solution.after is None or solution.before is None:
-        return Aim(solution, None, reachable)
+        return PostureGoal(solution, None, reachable)
     first, last = (
         np.concatenate([np.array(q) for q in posture.joints.values()])
         for posture in (solution.before, solution.after)
     )
-    return Aim(solution, Ends(first, last), reachable)
+    return PostureGoal(solution, Ends(first, last), reachable)

@@ -16,7 +16,7 @@ from copose.posture.setting import Setting
 from copose.self_motion.curves.arc_length import Track
 from copose.self_motion.curves.curve import Curve, TracingOptions
 from copose.self_motion.curves.joint_range import JointRange
-from copose.self_motion.curves.limited_curve import Course
+from copose.self_motion.curves.limited_curve import LimitedCurve
 from copose.self_motion.curves.loops import Loops
 from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
 from copose.self_motion.curves.tracing import follow
@@ -36,7 +36,7 @@ class Branches:
         limits: of the arm's joints.
     """
 
-    courses: tuple[Course, ...]
+    courses: tuple[LimitedCurve, ...]
     present: int
     position: float
     limits: JointRange
@@ -58,7 +58,7 @@ class Branches:
             position = curve.track.place(q)
             away = curve.track.rails.wrapped(q - curve.track.closed(np.array([position])))
             if np.abs(away).max() < 1e-6:
-                courses = [Course(known.track, known.cuts, known.pieces) for known in curves]
+                courses = [LimitedCurve(known.track, known.cuts, known.pieces) for known in curves]
                 courses[k], position = courses[k].holding(q)
                 return cls(tuple(courses), k, position, limits)
         return None
@@ -88,7 +88,7 @@ def held_postures(
     return tuple(closed)
 
 
-def branches(
+def traced_branches(
     model: PostureModel, setting: Setting, joints: Sequence[Array], arms: Sequence[int], seed: int
 ) -> list[Branches]:
     """The self-motions of some arms, by number, each with one degree of freedom to spare.
@@ -132,7 +132,7 @@ def _seeds(model: PostureModel, setting: Setting, i: int, q: Array, seed: int) -
 
 
 def _sorted(setting: Setting, i: int, q: Array, seeds: Array, curves: Sequence[Curve]) -> Branches:
-    """Branches of arm i from traced curves: each self-motion once, in order of `Course.mark`."""
+    """Branches of arm i from traced curves, each self-motion once, by `LimitedCurve.mark`."""
     once: list[Curve] = []
     for place, curve in zip(seeds, curves, strict=True):
         if len(curve.points) > 1 and all(other.place(place) is None for other in once):
@@ -145,7 +145,7 @@ def _sorted(setting: Setting, i: int, q: Array, seeds: Array, curves: Sequence[C
         )
     limits = JointRange.of(setting.cell, i)
     rigid = setting.cell.system.space.rigid
-    courses = [Course.of(Track.of(curve, rigid), limits) for curve in once]
+    courses = [LimitedCurve.of(Track.of(curve, rigid), limits) for curve in once]
     courses[0], position = courses[0].holding(q)
     left = [k for k, course in enumerate(courses) if k == 0 or course.pieces]
     order = sorted(left, key=lambda k: courses[k].mark)

@@ -9,7 +9,7 @@ import numpy as np
 
 from copose.errors import InputError, arm_key
 from copose.poses import Array, Indices, Mask
-from copose.posture.landscape.branches import Branches, branches, held_postures
+from copose.posture.landscape.branches import Branches, held_postures, traced_branches
 from copose.posture.model import PostureModel
 from copose.posture.search.clear_samples import alone_clear, kept_apart
 from copose.posture.setting import Setting
@@ -50,7 +50,7 @@ def self_motions(
         if again is not None:
             known_branches[i] = again
     new = [i for i in arms if i not in known_branches]
-    known_branches |= zip(new, branches(model, setting, q, new, seed), strict=True)
+    known_branches |= zip(new, traced_branches(model, setting, q, new, seed), strict=True)
     return [_valued(model, setting, q, i, known_branches[i]) for i in arms]
 
 

@@ -18,7 +18,7 @@ from copose.objectives.objective import Cuts
 from copose.poses import Array
 from copose.posture.model import PostureModel
 from copose.posture.setting import Setting
-from copose.posture.solvers.constraint_generation import GenerationOptions, Step, generate
+from copose.posture.solvers.constraint_generation import GenerationOptions, ProgramEnd, generate
 from copose.posture.solvers.nlp import Given, LocalSolve
 from copose.progress import stage
 
@@ -76,7 +76,9 @@ class NlpCuts:
         objective, model, generation = setting.objective, self.model, self.options.generation
         lower, upper = setting.bounds
 
-        def solve(origin: LocalSolve, cuts: Cuts, room: float) -> Step[LocalSolve, Cuts] | None:
+        def solve(
+            origin: LocalSolve, cuts: Cuts, room: float
+        ) -> ProgramEnd[LocalSolve, Cuts] | None:
             box = np.maximum(lower, origin.q - room), np.minimum(upper, origin.q + room)
             end = self._programs(setting, origin.q[None], [cuts], box)[0]
             if not end.converged:
@@ -84,9 +86,9 @@ class NlpCuts:
             parts = model.split(end.q[None])
             value = objective.values(setting, parts)[0]
             violated = objective.more_cuts(setting, parts, cuts)
-            return Step(end, value, float(np.abs(end.q - origin.q).max()), violated)
+            return ProgramEnd(end, value, float(np.abs(end.q - origin.q).max()), violated)
 
-        def accepts(step: Step[LocalSolve, Cuts], best: float, accepted: bool) -> bool:
+        def accepts(step: ProgramEnd[LocalSolve, Cuts], best: float, accepted: bool) -> bool:
             still = not accepted and step.way < generation.smallest_box
             return step.value > best or (still and step.cuts is None)
 

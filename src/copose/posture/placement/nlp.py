@@ -14,7 +14,7 @@ from copose.posture.local.nlp_cuts import NlpCuts
 from copose.posture.model import PostureModel
 from copose.posture.placement.placed import Placed
 from copose.posture.setting import Setting
-from copose.posture.solvers.constraint_generation import GenerationOptions, Step, generate
+from copose.posture.solvers.constraint_generation import GenerationOptions, ProgramEnd, generate
 from copose.posture.solvers.nlp import Given, LocalSolve
 
 
@@ -70,7 +70,9 @@ class PlacementNlp:
             last_rejection=last, least_gain=options.least_gain, gain_round=options.free_runs,
         )  # fmt: skip
 
-        def solve(origin: Placed, cuts: list[Cuts], room: float) -> Step[Placed, list[Cuts]] | None:
+        def solve(
+            origin: Placed, cuts: list[Cuts], room: float
+        ) -> ProgramEnd[Placed, list[Cuts]] | None:
             solved = self._solved(origin, cuts, room)
             if solved is None:
                 return None
@@ -79,9 +81,9 @@ class PlacementNlp:
                 return None
             end = self._evaluated(solved.q)
             way = float(np.abs(solved.q - self._stacked(origin)).max())
-            return Step(end, end.value, way, self._violated(end, cuts))
+            return ProgramEnd(end, end.value, way, self._violated(end, cuts))
 
-        def accepts(step: Step[Placed, list[Cuts]], best: float, _: bool) -> bool:
+        def accepts(step: ProgramEnd[Placed, list[Cuts]], best: float, _: bool) -> bool:
             return step.value > best - options.loss * (1 + abs(best))
 
         return generate(start, start.value, self._cuts(start), solve, accepts, generation)

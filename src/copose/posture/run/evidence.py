@@ -10,7 +10,7 @@ from copose.cell.cell import Cell
 from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum
 from copose.posture.search.global_search import climbed
-from copose.posture.search.heaviest import all_combinations, all_judged, heaviest, uncarried
+from copose.posture.search.heaviest import all_combinations, all_judged, heaviest_object, uncarried
 from copose.posture.search.outcome import SearchOutcome
 from copose.posture.setting import Setting
 from copose.posture.solvers.nlp import LocalSolve
@@ -141,7 +141,7 @@ def within_limits(
     if excluded is not None or model.capacity is None:
         return outcome, excluded
     if any(constraint.torque_limited for constraint in model.feasibility.constraints):
-        most = heaviest(cell, seed)
+        most = heaviest_object(cell, seed)
         q, sure = most.q, most.sure
         few = all_combinations([sample.closed for sample in outcome.samples])
         if len(few) and all(cell.spare(i) <= 0 for i in range(len(cell.arms))):

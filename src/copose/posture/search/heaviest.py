@@ -65,7 +65,7 @@ def uncarried(setting: Setting) -> bool:
     return bool(np.abs(missed).max() > 1e-9 * (1 + np.abs(weight).max()))
 
 
-def heaviest(cell: Cell, seed: int) -> Heaviest:
+def heaviest_object(cell: Cell, seed: int) -> Heaviest:
     """The postures that hold the most, by a search for the largest payload."""
     limits = cell.counted_limits
     constraints = cell.problem.constraints.model_copy(update={"static_torque": False})

@@ -29,7 +29,7 @@ class GenerationOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Step(Generic[Point, CutSet]):
+class ProgramEnd(Generic[Point, CutSet]):
     """The end of one program.
 
     Attributes:
@@ -49,8 +49,8 @@ def generate(
     start: Point,
     value: float,
     cuts: CutSet,
-    solve: Callable[[Point, CutSet, float], Step[Point, CutSet] | None],
-    accepts: Callable[[Step[Point, CutSet], float, bool], bool],
+    solve: Callable[[Point, CutSet, float], ProgramEnd[Point, CutSet] | None],
+    accepts: Callable[[ProgramEnd[Point, CutSet], float, bool], bool],
     options: GenerationOptions,
 ) -> Point:
     """The best accepted end of programs that each start where one before ended.

@@ -66,7 +66,7 @@ class ArmGroup:
     Attributes:
         kernels: of the model.
         columns: of each arm's joints among all of them, (k, n).
-        goals: of the tips, see `Placement`, (k, 7).
+        goals: of the tips, see `KernelInputs`, (k, 7).
         ties: to the object, alike, (k, 2m² + n).
         lower: joint limits, infinite where a joint can turn all the way, (k, n).
         upper: alike.

@@ -12,7 +12,7 @@ from copose.self_motion.curves.arc_length import Track
 
 
 @dataclass(frozen=True)
-class CutOptions:
+class LimitCutOptions:
     """The search for crossings of joint limits along a curve."""
 
     between: int = 8  # postures per knot at which limits are asked
@@ -87,7 +87,7 @@ class Cut:
 
 
 def limit_cuts(
-    track: Track, limits: JointRange, options: CutOptions = CutOptions()
+    track: Track, limits: JointRange, options: LimitCutOptions = LimitCutOptions()
 ) -> tuple[Cut, ...]:
     """Crossings of joint limits by a curve, in order.
 

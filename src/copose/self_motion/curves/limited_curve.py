@@ -12,7 +12,7 @@ from copose.self_motion.curves.joint_range import Cut, JointRange, allowed_piece
 
 
 @dataclass(frozen=True)
-class KnotOptions:
+class ArcKnotOptions:
     """Knots of a self-motion by arc length."""
 
     spacing: float = 0.06  # rad (or m)
@@ -22,7 +22,7 @@ class KnotOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class LimitedCurve:
     """A self-motion by arc length and its limits.
 
     Its start depends on the curve alone, not on the posture from which it was traced.
@@ -33,7 +33,9 @@ class Course:
     pieces: tuple[tuple[float, float], ...]  # intervals of arc length within limits
 
     @classmethod
-    def of(cls, track: Track, limits: JointRange, options: KnotOptions = KnotOptions()) -> Course:
+    def of(
+        cls, track: Track, limits: JointRange, options: ArcKnotOptions = ArcKnotOptions()
+    ) -> LimitedCurve:
         """The self-motion along a curve, with new knots."""
         count = int(np.clip(track.length / options.spacing, options.fewest, options.most)) + 1
         cuts = limit_cuts(track, limits)
@@ -58,14 +60,14 @@ class Course:
         turns = np.where(self.track.rails.unlimited[0], np.round(middle / (2 * np.pi)), 0.0)
         return tuple((middle - 2 * np.pi * turns).round(3))
 
-    def holding(self, q: Array) -> tuple[Course, float]:
+    def holding(self, q: Array) -> tuple[LimitedCurve, float]:
         """The self-motion in the turns of a posture on it, (n,), and the arc length there."""
         s = self.track.place(q)
         turns = 2 * np.pi * np.round((q - self.track.closed(np.array([s]))[0]) / (2 * np.pi))
         turns = np.where(self.track.rails.unlimited[0], turns, 0.0)
         old = self.track
         moved = Track(old.positions, old.points + turns, old.tangents, old.loop, old.rails)
-        return Course(moved, self.cuts, self.pieces), s
+        return LimitedCurve(moved, self.cuts, self.pieces), s
 
 
 def _start(track: Track, cuts: tuple[Cut, ...], between: int) -> float:

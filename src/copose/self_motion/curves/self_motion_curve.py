@@ -9,7 +9,7 @@ import numpy as np
 from copose.poses import Array, Mask
 from copose.self_motion.curves.arc_length import Track, snapped
 from copose.self_motion.curves.joint_range import Cut, JointRange
-from copose.self_motion.curves.limited_curve import KnotOptions
+from copose.self_motion.curves.limited_curve import ArcKnotOptions
 from copose.self_motion.projection import CLOSED, project
 
 
@@ -100,7 +100,7 @@ class SelfMotionCurve:
         if not ends:
             return 0.0, self.length
         low, high = min(ends), max(ends)
-        margin = 0.08 * (high - low) + KnotOptions.spacing
+        margin = 0.08 * (high - low) + ArcKnotOptions.spacing
         return max(0.0, low - margin), min(self.length, high + margin)
 
     def within(self, s: Array) -> Mask:

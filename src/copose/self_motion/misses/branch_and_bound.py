@@ -13,7 +13,7 @@ from copose.self_motion.kernels import ArmKernels
 
 
 @dataclass(frozen=True)
-class BoxOptions:
+class BranchAndBoundOptions:
     """Effort of the branch and bound over boxes."""
 
     boxes: int = 120_000  # looked at before the proof is given up
@@ -29,7 +29,7 @@ def excluded(
     goal: Array,
     *,
     rigid: bool,
-    options: BoxOptions = BoxOptions(),
+    options: BranchAndBoundOptions = BranchAndBoundOptions(),
 ) -> bool:
     """Proof that no posture within the joint limits brings the tip to a goal.
 

@@ -68,7 +68,7 @@ def nearest_gaps(
     Args:
         cell: with the object where it is.
         kernels: by arm.
-        goals: of the tips, by arm, see `Placement`.
+        goals: of the tips, by arm, see `KernelInputs`.
         lower: joint limits by arm, (n_i,).
         upper: alike.
         joints: the postures, by arm, (n_i,).

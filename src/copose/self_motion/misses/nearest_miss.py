@@ -56,7 +56,7 @@ def misses(
     Args:
         cell: with the object where it is.
         kernels: by arm.
-        goals: of the tips, by arm, see `Placement`.
+        goals: of the tips, by arm, see `KernelInputs`.
         samples: by arm.
         options: effort and what is told.
 
@@ -70,7 +70,7 @@ def misses(
     told = sorted(missing, key=lambda i: not samples[i].proved)[: options.told]
     for i, sample in enumerate(samples):
         if i in told:
-            miss = nearest_miss(cell, kernels[i], goals[i], i, sample, options)
+            miss = miss_of(cell, kernels[i], goals[i], i, sample, options)
             sure |= miss.sure
             joints.append(miss.q)
             reasons.append(miss.reason)
@@ -81,7 +81,7 @@ def misses(
     return joints, "; ".join(reasons), sure
 
 
-def nearest_miss(
+def miss_of(
     cell: Cell,
     kernels: ArmKernels,
     goal: Array,

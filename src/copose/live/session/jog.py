@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from copose.errors import InputError
-from copose.live.session import Session
+from copose.live.session.session import Session
 from copose.poses import Array
 from copose.posture.landscape.objective_map import Landscape
 from copose.self_motion.curves.self_motion_curve import SelfMotionCurve

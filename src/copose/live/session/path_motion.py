@@ -11,10 +11,10 @@ import numpy as np
 from copose.errors import InputError
 from copose.formats import trajectory_csv
 from copose.live.problem_file.document import place
-from copose.live.session import Session
-from copose.live.state import State
+from copose.live.session.session import Session
+from copose.live.session.state import State
 from copose.motion import plan
-from copose.motion.curve.hermite import hermite
+from copose.motion.curve.hermite import hermite_points
 from copose.motion.path.object_motion import ObjectMotion, waypoint_poses
 from copose.poses import Array, Pose
 from copose.posture import Planner
@@ -81,7 +81,7 @@ class PlannedMotion:
         part = float(np.clip((time - self.time[k]) / step, 0.0, 1.0)) if step > 0 else 0.0
         two = slice(k, k + 2)
         return {
-            arm: hermite(q[two], self._rates[arm][two], step, part)[0].tolist()
+            arm: hermite_points(q[two], self._rates[arm][two], step, part)[0].tolist()
             for arm, q in self._joints.items()
         }
 

@@ -10,10 +10,10 @@ import viser
 from copose.errors import InputError
 from copose.live.files import file_named
 from copose.live.panels.path_panel import PathPanel
-from copose.live.path.motion import PathMotion
 from copose.live.scene.path_lines import PathDrawing
-from copose.live.session import Session
-from copose.live.state import State
+from copose.live.session.path_motion import PathMotion
+from copose.live.session.session import Session
+from copose.live.session.state import State
 from copose.live.worker import Worker
 from copose.motion.path.object_motion import waypoint_poses
 from copose.poses import Pose

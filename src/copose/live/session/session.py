@@ -10,8 +10,9 @@ from typing import Any, TypeAlias
 
 from copose.errors import InputError
 from copose.live.problem_file.document import Changes, Document
-from copose.live.state import SearchAim, State, Step
-from copose.live.transition import self_motion_way
+from copose.live.session.planner_cache import PlannerCache
+from copose.live.session.state import SearchAim, State, Step
+from copose.live.session.transition import self_motion_way
 from copose.poses import Array
 from copose.posture import Planner
 from copose.problem import Problem
@@ -56,13 +57,16 @@ class Session:
     state: State = field(init=False)
     spare: Mapping[str, int] = field(init=False)
     _changes: dict[str, Any] = field(default_factory=dict)
-    _planners: list[Planner] = field(default_factory=list)
+    _planners: PlannerCache = field(init=False)
     _steps: list[Step] = field(default_factory=list)
     _watch: Watch | None = None
     # Places of everything at the start of the arms.
     _start_places: Changes = field(default_factory=dict)
     # Settings by which the start was measured last, and the objective there.
     _measured: tuple[Changes, float | None] | None = None
+
+    def __post_init__(self) -> None:
+        self._planners = PlannerCache(self.options.planners)
 
     def open(self) -> None:
         """Find the posture that the page opens with.
@@ -71,7 +75,7 @@ class Session:
             InputError: the problem cannot be used.
         """
         problem = self.document.problem({})
-        planner = self._planner(problem)
+        planner = self._planners.of(problem)
         self.spare = planner.spare
         solution = planner.solve(problem=problem)
         value = solution.objective.before
@@ -139,7 +143,7 @@ class Session:
         before, problem = dict(self._changes), self._changed(changes)
         places = all(map(_is_place, changes))
         try:
-            planner = self._following(problem) if places else self._planner(problem)
+            planner = self._planners.latest(problem) if places else self._planners.of(problem)
             self._follow(planner, problem)
         except Exception:
             self._changes = before
@@ -166,7 +170,7 @@ class Session:
         step = self._step()
         problem = self._changed(changes)
         try:
-            planner = self._planner(problem)
+            planner = self._planners.of(problem)
             self._keep(step)
             self._tell(problem=problem)
             self._follow(planner, problem)
@@ -185,7 +189,7 @@ class Session:
             tell: function that is told of progress.
         """
         problem = self.state.problem
-        planner, asked = self._planner(problem), aim or SearchAim()
+        planner, asked = self._planners.of(problem), aim or SearchAim()
 
         with self.watched(tell) as watch:
             solution = planner.solve(
@@ -212,7 +216,7 @@ class Session:
             InputError: the joints do not fit the arms.
         """
         problem = self.state.problem
-        solution = self._planner(problem).evaluate(joints, problem=problem)
+        solution = self._planners.of(problem).evaluate(joints, problem=problem)
         if solution.status == "solved":
             self._show(problem, solution, searched=False)
         else:
@@ -224,7 +228,7 @@ class Session:
 
     def planner(self) -> Planner:
         """The planner of the present problem."""
-        return self._planner(self.state.problem)
+        return self._planners.of(self.state.problem)
 
     def _step(self) -> Step:
         """The present state as a step, without the message of a refusal."""
@@ -264,23 +268,6 @@ class Session:
             problem=problem, reached=False, searched=False, optima=(),
             message=_missing(followed.gaps),
         )  # fmt: skip
-
-    def _planner(self, problem: Problem) -> Planner:
-        """A planner of a problem's structure, built where there is none."""
-        for planner in self._planners:
-            if planner.fits(problem):
-                self._planners.remove(planner)
-                break
-        else:
-            planner = Planner(problem, movable=True)
-        self._planners = [*self._planners[1 - self.options.planners :], planner]
-        return planner
-
-    def _following(self, problem: Problem) -> Planner:
-        """The latest planner while something is moved: bodies that move with a base stay in it as
-        they were until the hand rests.
-        """
-        return self._planners[-1] if self._planners else self._planner(problem)
 
     def _start_value(self, planner: Planner) -> float | None:
         """The objective at the start, by the settings that count now."""
@@ -344,7 +331,7 @@ class Session:
 
     def _show(self, problem: Problem, solution: Solution, **changed: Any) -> None:
         """Show a posture that holds the object."""
-        planner = self._following(problem)
+        planner = self._planners.latest(problem)
         self._tell(
             problem=problem, solution=solution, reached=True, message="", left=None,
             shares=self._shares(planner, problem, solution),

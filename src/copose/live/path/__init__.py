@@ -1,1 +1,0 @@
-"""The motion along the path: planning, showing and playing it."""
