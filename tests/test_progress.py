@@ -25,7 +25,7 @@ from copose.errors import InputError
 from copose.kernels import Kernel
 from copose.motion.search.candidates import CandidateSearch
 from copose.motion.search.refinement import Refiner
-from copose.posture.local.climb import LocalSearches
+from copose.posture.local.multistart import LocalSearches
 from copose.posture.placement.search import PlacementSearch
 from copose.posture.run.run import Run
 from copose.posture.search import combinations
@@ -363,7 +363,7 @@ def struck(where: str, method: str, times: int = 1) -> tuple[int, str, str]:
 class TestInterrupts:
     def test_the_first_leaves_the_best_so_far(self, here: Path) -> None:
         written = "copose: interrupted: the best so far is in cell/result.json\n"
-        assert struck("copose.posture.local.climb.LocalSearches", "add") == (130, "", written)
+        assert struck("copose.posture.local.multistart.LocalSearches", "add") == (130, "", written)
         result = json.loads(Path("cell/result.json").read_text())
         assert result["status"] == "solved" and names("cell") == ["result.json"]
         assert any(note.startswith("interrupted while polishing: ") for note in result["notes"])
@@ -374,5 +374,5 @@ class TestInterrupts:
         assert end == (130, "", "copose: interrupted\n") and not Path("cell").exists()
 
     def test_the_second_ends_the_process(self, here: Path) -> None:
-        end = struck("copose.posture.local.climb.LocalSearches", "add", 2)
+        end = struck("copose.posture.local.multistart.LocalSearches", "add", 2)
         assert end == (130, "", "copose: interrupted\n") and not Path("cell").exists()

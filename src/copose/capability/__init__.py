@@ -9,7 +9,8 @@ from copose.capability.companions import (
 from copose.capability.ellipsoid import Ellipsoid, log_ball_volume
 from copose.capability.exact_set import ExactSet
 from copose.capability.reach import HoldingTorque, TorqueReach
-from copose.capability.resolutions import (
+from copose.capability.sums import Form, Sums, symmetric, upper_triangle
+from copose.capability.torque_maps import (
     RESOLUTIONS,
     Resolution,
     forward_dynamics,
@@ -17,7 +18,6 @@ from copose.capability.resolutions import (
     own_torque_map,
     torque_map,
 )
-from copose.capability.sums import Form, Sums, symmetric, upper_triangle
 
 __all__ = [
     "RESOLUTIONS",

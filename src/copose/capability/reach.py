@@ -10,8 +10,8 @@ import math
 
 import casadi as ca
 
-from copose.capability.resolutions import inertia_times_pinv, tip_inertia
 from copose.capability.sums import Sums, symmetric, upper_triangle
+from copose.capability.torque_maps import inertia_times_pinv, tip_inertia
 from copose.mechanics import ArmMechanics, Coupling
 from copose.poses import Array
 from copose.problem import Space

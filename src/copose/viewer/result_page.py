@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class PageOptions:
+class ResultPageOptions:
     """Times of a recorded motion, and what problem and result may differ by."""
 
     rest: float = 0.7  # s, for which a motion rests where it begins and where it ends
@@ -40,7 +40,7 @@ def page_html(
     problem: Problem,
     *,
     posture: Posture | None = None,
-    options: PageOptions = PageOptions(),
+    options: ResultPageOptions = ResultPageOptions(),
 ) -> str:
     """A page of a posture, with the one before as a ghost, or of a motion, which plays in a loop.
 
@@ -83,7 +83,7 @@ def page_html(
 
 
 def _played(
-    shown: Sequence[Posture], time: Sequence[float], options: PageOptions
+    shown: Sequence[Posture], time: Sequence[float], options: ResultPageOptions
 ) -> Iterator[tuple[Posture, float]]:
     """The postures of a motion, repeated, each with the seconds for which it is seen."""
     steps = [*np.diff(time).tolist(), options.rest]

@@ -14,7 +14,7 @@ import numpy as np
 
 from copose.constraints.clearance import Blocked, in_the_way
 from copose.poses import Array, Indices, Mask
-from copose.posture.local.climb import LocalSearches
+from copose.posture.local.multistart import LocalSearches
 from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum
 from copose.posture.reachable.components import Component, component

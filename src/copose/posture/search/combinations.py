@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from copose.poses import Array, Indices, Mask
-from copose.posture.local.climb import LocalSearches, differing, gathered
+from copose.posture.local.multistart import LocalSearches, differing, gathered
 from copose.posture.model import PostureModel
 from copose.posture.search.clear_samples import ArmPostures, alone_clear, kept_apart
 from copose.posture.search.effort import CombinationOptions, Effort

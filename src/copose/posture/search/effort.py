@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
-from copose.posture.local.climb import ClimbOptions
+from copose.posture.local.multistart import ClimbOptions
 
 EffortName: TypeAlias = Literal["low", "normal", "high"]
 

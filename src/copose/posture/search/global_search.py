@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from copose.poses import Array
-from copose.posture.local.climb import LocalSearches, gathered
+from copose.posture.local.multistart import LocalSearches, gathered
 from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum
 from copose.posture.search.clear_samples import ArmPostures, clear_postures, in_each_others_way
