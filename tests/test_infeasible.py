@@ -13,7 +13,7 @@ import copose.posture.model
 from cells import planar
 from copose.cell.cell import Cell
 from copose.constraints.posture_constraint import PostureConstraint
-from copose.constraints.table import constraints_of
+from copose.constraints.registry import constraints_of
 from copose.motion.graph.dynamic_programming import Lattice, Moves
 from copose.motion.graph.routes import RouteCost, RouteFinder
 from copose.posture.model import PostureModel

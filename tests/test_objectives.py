@@ -14,7 +14,7 @@ from cells import closed_postures, planar, tables, two_pandas
 from copose.capability import Ellipsoid
 from copose.cell.cell import Cell
 from copose.measurement.meter import Meter
-from copose.objectives.build import objective_of
+from copose.objectives.registry import objective_of
 from copose.posture.model import PostureModel
 from copose.posture.solvers.nlp import Given
 from copose.problem import parse

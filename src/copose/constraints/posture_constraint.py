@@ -1,7 +1,7 @@
 """The interface of a constraint on postures, beside the closed chain and joint limits.
 
 Screening, judging, programs, acceptance and the notes of a result ask a constraint, and never
-which one it is. A constraint is one class and one entry of `table.CONSTRAINTS`.
+which one it is. A constraint is one class and one entry of `registry.CONSTRAINTS`.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ class PostureConstraint(ABC):
     """A condition that a posture must keep."""
 
     name: ClassVar[str]
-    """Of the variables that it adds to a program, and in the reason where it allows no posture."""
+    """Name of the variables that it adds to a program, and in the reason where it allows none."""
     torque_limited: ClassVar[bool] = False
     """True where torque limits decide."""
     judged: ClassVar[bool] = True
-    """True where `allows` is too slow for every combination of the arms' postures, so that only
-    those that screening chooses are asked; where false screening asks of all."""
+    """True where `allows` is asked of the combinations that screening chooses; false for the
+    clearance alone, which screening asks of all by pairs of arms."""
     sums: Sums | None = None
     """Sums over the arms by which screening rules out what certainly breaks it."""
 
@@ -54,14 +54,14 @@ class PostureConstraint(ABC):
         return None
 
     def certainly_broken(self, sums: ca.SX, weight: ca.SX, n_joints: int) -> ca.SX:
-        """True where its `sums` tell that no posture with them keeps it.
+        """True where its `sums` tell that no posture with them keeps it; false where they cannot.
 
         Args:
             sums: of all arms.
             weight: what holds the object against gravity, (b,).
             n_joints: of all arms.
         """
-        raise NotImplementedError(self.name)
+        return ca.SX(0)
 
     def term(self, system: System, capacity: CellDynamics | None) -> ConstraintTerm | None:
         """The term in every program; None where its rows are generated as programs need them.

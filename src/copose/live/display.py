@@ -53,7 +53,7 @@ class Display:
 
     @property
     def moving(self) -> bool:
-        """Whether the scene shows the motion, and not the posture."""
+        """True where the scene shows the motion, and not the posture."""
         return self._path is not None and self._path.shown
 
     def render(self, state: State) -> None:

@@ -60,12 +60,12 @@ class Worker:
 
     @property
     def waiting(self) -> bool:
-        """Whether a task, a move or the end is waiting."""
+        """True where a task, a move or the end is waiting."""
         return self._ended or self._move is not None or bool(self._tasks)
 
     @property
     def pressed(self) -> bool:
-        """Whether a hand moves something, or the end has come."""
+        """True where a hand moves something, or the end has come."""
         return self._ended or self._move is not None
 
     def settle(self, timeout_s: float = 60.0) -> bool:

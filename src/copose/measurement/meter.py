@@ -18,8 +18,8 @@ from copose.cell.dynamics import CellDynamics
 from copose.cell.functions import PostureFunctions, ellipsoid_of, sliced
 from copose.measurement.torque_limits import Allowances, TorqueLimitReport
 from copose.measurement.velocity_force import Companions
-from copose.objectives.build import objective_of
 from copose.objectives.objective import Objective
+from copose.objectives.registry import objective_of
 from copose.poses import Array
 from copose.results import (
     ArmRecord,

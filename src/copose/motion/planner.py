@@ -16,7 +16,7 @@ from copose.motion.search.optimiser import MotionOptimiser
 from copose.motion.search.reconfiguration import aim
 from copose.motion.search.refinement import Refiner
 from copose.motion.search.result import Answer
-from copose.objectives.build import objective_of
+from copose.objectives.registry import objective_of
 from copose.posture.model import PostureModel
 from copose.problem import PathSpec, PlanarWaypoint, Problem, Waypoint
 from copose.progress import StoppedError, Tell, sheltered, stage, watched

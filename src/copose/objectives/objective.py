@@ -1,7 +1,7 @@
 """The interface of an objective: what is maximised over postures.
 
 Search, programs, measurement and report ask an objective, and never which one it is. An objective
-is one class; `build.OBJECTIVES` names its builder by the kind in a problem file.
+is one class; `registry.OBJECTIVES` names its builder by the kind in a problem file.
 """
 
 from __future__ import annotations

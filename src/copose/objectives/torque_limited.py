@@ -37,7 +37,7 @@ class TorqueLimited(Objective):
     torque_limited = piecewise = True
     balanced = True
     joints: JointMotion = JointMotion.FREE
-    """Which joint accelerations its demands have."""
+    """Joint accelerations that its demands have."""
 
     def __init__(
         self,

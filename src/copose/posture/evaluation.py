@@ -11,13 +11,13 @@ from copose.cell.cell import Cell
 from copose.cell.freedom import Freedom
 from copose.cell.notes import margin_notes
 from copose.collision import Scene
-from copose.constraints.table import constraints_of
+from copose.constraints.registry import constraints_of
 from copose.errors import InputError, arm_key
 from copose.kernels import one_at_a_time
 from copose.measurement.collision import noted, overlap_notes, with_collision
 from copose.measurement.meter import Measurement, Meter
-from copose.objectives.build import objective_of
 from copose.objectives.objective import Objective
+from copose.objectives.registry import objective_of
 from copose.poses import Array
 from copose.posture.solution import MeasuredCase, MeasuredCases, solution_of
 from copose.problem import Problem

@@ -16,13 +16,13 @@ from copose.cell.freedom import Freedom
 from copose.cell.variables import Places
 from copose.collision import Bodies, Scene
 from copose.constraints.clearance import Apart
-from copose.constraints.table import constraints_of
+from copose.constraints.registry import constraints_of
 from copose.errors import InputError
 from copose.kernels import Kernel
 from copose.measurement.collision import noted, overlap_notes, with_collision
 from copose.measurement.meter import Measurement, Measures, Meter, closure_errors
-from copose.objectives.build import objective_of
 from copose.objectives.objective import Objective
+from copose.objectives.registry import objective_of
 from copose.poses import Array
 from copose.posture.feasibility import Feasibility
 from copose.posture.score import Score

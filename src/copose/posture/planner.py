@@ -14,7 +14,7 @@ from copose.cell.freedom import Freedom
 from copose.errors import InputError
 from copose.kernels import one_at_a_time
 from copose.measurement.meter import Measures
-from copose.objectives.build import objective_of
+from copose.objectives.registry import objective_of
 from copose.poses import Array
 from copose.posture.arguments import (
     Warm,

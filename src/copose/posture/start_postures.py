@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from copose.cell.cell import Cell
-from copose.objectives.build import objective_of
+from copose.objectives.registry import objective_of
 from copose.poses import Array
 from copose.posture.search.effort import EFFORTS
 from copose.robots import ArmStart

@@ -20,12 +20,12 @@ class Comparison:
 
     @property
     def cases(self) -> bool:
-        """Whether one has cases, so that postures cannot be held against one another."""
+        """True where one has cases, so that postures cannot be held against one another."""
         return None in self.postures
 
     @property
     def same_unit(self) -> bool:
-        """Whether the semi-axes of both can be held against one another."""
+        """True where the semi-axes of both can be held against one another."""
         one, other = (semi_axis_units(solution) for solution in self.solutions)
         return one == other
 

@@ -39,7 +39,7 @@ class JointCurves:
 
     @property
     def limited(self) -> bool:
-        """Whether any joint has limits."""
+        """True where any joint has limits."""
         return any(self.bounded)
 
     @property
@@ -75,7 +75,7 @@ def spread(numbers: Array, apart: float) -> Array:
 
 
 def _bounded(record: JointRecord) -> bool:
-    """Whether a joint has both limits, and room between them."""
+    """True where a joint has both limits, and room between them."""
     return record.lower is not None and record.upper is not None and record.upper > record.lower
 
 

@@ -92,7 +92,7 @@ def case_of(posture: Posture) -> str:
 
 
 def holds(posture: Posture, arm: str) -> bool:
-    """Whether an arm holds the object: its tip is at its grasp, to 1e-6 m or rad."""
+    """True where an arm holds the object: its tip is at its grasp, to 1e-6 m or rad."""
     return posture.closure_error[arm] <= 1e-6
 
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from copose.problem import OBJECTIVE_TABLES
 from copose.report.numbers import three
 from copose.results import CasePosture, Motion, Posture, Solution
 
@@ -20,18 +21,17 @@ class ObjectiveWords:
     # Name of the quantity whose ratio a gain is; ``{content}`` stands for length, area or volume.
     gain: str
     stated: str = ""  # name of the number beside an ellipsoid that is the objective itself, if any
-    limited: bool = False  # whether torque limits decide the value
 
 
-OBJECTIVES = {
+OBJECTIVE_WORDS = {
     "volume": ObjectiveWords("log-volume", "{content}"),
     "task-compatibility": ObjectiveWords("task-compatibility", "weighted acceleration"),
     "worst-direction": ObjectiveWords("worst-direction", "shortest semi-axis"),
     "isotropy": ObjectiveWords("isotropy", "shortest / longest"),
-    "acceleration": ObjectiveWords("acceleration", "acceleration", limited=True),
-    "payload": ObjectiveWords("payload", "payload", "payload", limited=True),
+    "acceleration": ObjectiveWords("acceleration", "acceleration"),
+    "payload": ObjectiveWords("payload", "payload", "payload"),
     "all-round": ObjectiveWords("acceleration all round", "acceleration all round",
-                                "residual radius", limited=True),
+                                "residual radius"),
     "velocity-volume": ObjectiveWords("velocity log-volume", "velocity {content}"),
     "force-volume": ObjectiveWords("force log-volume", "force {content}"),
 }  # fmt: skip
@@ -40,7 +40,7 @@ OBJECTIVES = {
 def objective_words(solution: Answer) -> ObjectiveWords:
     """Words for the kind of a result's objective."""
     kind = solution.objective.kind
-    return OBJECTIVES.get(kind, ObjectiveWords(kind, kind))
+    return OBJECTIVE_WORDS.get(kind, ObjectiveWords(kind, kind))
 
 
 def objective_name(solution: Answer) -> str:
@@ -65,7 +65,7 @@ def value_words(solution: Solution, posture: Posture) -> str:
     value = objective.before if posture is solution.before else objective.after
     if isinstance(posture, CasePosture):
         value = posture.objective
-    if value is None and objective_words(solution).limited:
+    if value is None and OBJECTIVE_TABLES[solution.objective.kind].torque_limited:
         return f"no {objective_name(solution)}"
     if objective.kind == "volume" or value is None:
         volume = posture.ellipsoid.log_volume
@@ -110,7 +110,7 @@ def gain_words(solution: Solution) -> str:
 
 
 def has_before(solution: Solution) -> bool:
-    """Whether a result has a posture from before."""
+    """True where a result has a posture from before."""
     return solution.before is not None or bool(solution.cases_before)
 
 

@@ -16,7 +16,7 @@ from copose.collision.links.link_shapes import LinkShapes
 from copose.errors import InputError, nearest
 from copose.kernels import one_at_a_time
 from copose.loader import parse
-from copose.objectives.build import objective_of
+from copose.objectives.registry import objective_of
 from copose.poses import Array, Pose
 from copose.posture.start_postures import starts
 from copose.progress import stage

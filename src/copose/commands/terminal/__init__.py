@@ -1,1 +1,1 @@
-"""What commands share: the parser, options, terminal output, and the files of an answer."""
+"""Shared parts of commands: the parser, options, terminal output, and the files of an answer."""

@@ -12,11 +12,11 @@ from copose.errors import InputError
 from copose.live.problem_file.document import Document
 from copose.live.problem_file.tables import tables_of
 from copose.poses import Array
-from copose.problem import Problem
-from copose.report.words import OBJECTIVES
+from copose.problem import OBJECTIVE_TABLES, Problem
+from copose.report.words import OBJECTIVE_WORDS
 from copose.results import Solution
 
-KINDS = tuple(OBJECTIVES)
+KINDS = tuple(dict.fromkeys((*OBJECTIVE_WORDS, *OBJECTIVE_TABLES)))
 """Kinds of objectives that the page offers."""
 
 
@@ -34,8 +34,8 @@ def offered(document: Document, solution: Solution) -> list[str]:
 
 
 def _fits(document: Document, kind: str, limits: Sequence[float | None]) -> bool:
-    """Whether a problem can have a kind of objective."""
-    if OBJECTIVES[kind].limited and None in limits:
+    """True where a problem can have a kind of objective."""
+    if OBJECTIVE_TABLES[kind].torque_limited and None in limits:
         return False
     try:
         document.problem({"objective": objective_table(document.problem({}), kind)})
@@ -45,7 +45,7 @@ def _fits(document: Document, kind: str, limits: Sequence[float | None]) -> bool
 
 
 def directed(kind: str) -> bool:
-    """Whether the panel sets a direction of a kind of objective."""
+    """True where the panel sets a direction of a kind of objective."""
     return kind in ("task-compatibility", "acceleration")
 
 

@@ -74,7 +74,7 @@ def _tomlkit() -> Any:
 
 
 def _same(one: Any, other: Any) -> bool:
-    """Whether two values mean the same in TOML, where 1 is 1.0 but no truth value."""
+    """True where two values mean the same in TOML, where 1 is 1.0 but no truth value."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return one.keys() == other.keys() and all(_same(one[key], other[key]) for key in one)
     if isinstance(one, list) and isinstance(other, list):
@@ -83,7 +83,7 @@ def _same(one: Any, other: Any) -> bool:
 
 
 def _holds(text: str, wanted: Mapping[str, Any]) -> bool:
-    """Whether a text has the wanted values: tomlkit can go wrong with odd files."""
+    """True where a text has the wanted values: tomlkit can go wrong with odd files."""
     try:
         return _same(tomllib.loads(text), wanted)
     except ValueError:
@@ -205,7 +205,7 @@ def _behind(before: Table | None, value: Mapping[str, Any]) -> Table:
 
 
 def _is_section(value: object) -> bool:
-    """Whether a value at the top has a header."""
+    """True where a value at the top has a header."""
     tables = value if isinstance(value, list) else [value]
     return bool(tables) and all(isinstance(table, Mapping) for table in tables)
 

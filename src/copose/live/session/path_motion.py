@@ -195,7 +195,7 @@ class PathMotion:
 
     @property
     def stale(self) -> bool:
-        """Whether the problem asks for another motion by now."""
+        """True where the problem asks for another motion by now."""
         course = self.course
         return course is not None and not _same_motion(course.problem, self.session.state.problem)
 
@@ -235,8 +235,9 @@ class PathMotion:
 
 
 def _same_motion(one: Problem, other: Problem) -> bool:
-    """Whether two problems ask for one motion: the pose of ``[object]`` counts only where waypoints
-    leave it out.
+    """True where two problems ask for one motion.
+
+    The pose of ``[object]`` counts only where waypoints leave it out.
     """
     if one is other:
         return True

@@ -354,13 +354,13 @@ class Session:
 
 
 def _is_place(key: str) -> bool:
-    """Whether a key is of a place, of which the start has its own."""
+    """True where a key is of a place, of which the start has its own."""
     last = key.rpartition(".")[2]
     return last in ("position", "rpy", "quaternion", "angle", "base", "grasp")
 
 
 def _better(solution: Solution, state: State, least: float) -> bool:
-    """Whether a result is better than a state by a relative gain."""
+    """True where a result is better than a state by a relative gain."""
     new, old = solution.objective.after, state.value
     if new is None or old is None:
         return new is not None

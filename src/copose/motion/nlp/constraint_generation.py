@@ -12,7 +12,7 @@ import numpy as np
 
 from copose.collision import Witness
 from copose.constraints.clearance import of_two
-from copose.constraints.table import constraints_of
+from copose.constraints.registry import constraints_of
 from copose.motion.dynamics.rates import JointRates
 from copose.motion.nlp.clearance_rows import ClearanceRows
 from copose.motion.nlp.knot import KnotNlp, MotionKind

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from copose.cell.context import PostureContext
-from copose.constraints.table import constraints_of
+from copose.constraints.registry import constraints_of
 from copose.motion.curve.differences import bends, slopes
 from copose.motion.dynamics.rates import JointRates
 from copose.motion.nlp.knot import KnotNlp

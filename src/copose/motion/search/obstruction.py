@@ -103,7 +103,7 @@ def disconnected(
 
 
 def _miss(model: PostureModel, i: int, goal: Array, missed: Array) -> str:
-    """What keeps an arm from its grasp: its reach, or a joint limit."""
+    """The obstacle between an arm and its grasp: its reach, or a joint limit."""
     cell, kernels = model.cell, model.arms[i]
     residual, _ = kernels.residual(missed[:1], goal)
     by = 1e3 * float(np.linalg.norm(residual[0, : len(cell.system.space.linear)]))

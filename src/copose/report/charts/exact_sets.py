@@ -52,7 +52,7 @@ class SetPicture:
 
     @property
     def solid(self) -> bool:
-        """Whether it needs axes in space."""
+        """True where it needs axes in space."""
         return len(self.record.axes) == 3
 
     @property

@@ -50,7 +50,7 @@ class _NamedFrame:
 
     @property
     def above(self) -> bool:
-        """Whether the name stands above the origin."""
+        """True where the name stands above the origin."""
         return self.side != "center" and not self.dashed
 
     @property

@@ -136,7 +136,7 @@ def _wrenches(
 
 
 def _along_axis(name: str) -> bool:
-    """Whether an extreme is along a coordinate, by its name."""
+    """True where an extreme is along a coordinate, by its name."""
     return name.startswith(("acceleration +", "acceleration −"))
 
 

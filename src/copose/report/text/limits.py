@@ -115,7 +115,7 @@ def end_width(lower: float | None, upper: float | None) -> float:
 
 
 def _reaches(share: float, limit: float) -> bool:
-    """Whether a share of a torque limit is as large as another, but for rounding."""
+    """True where a share of a torque limit is as large as another, but for rounding."""
     return share >= limit * (1 - 1e-6)
 
 
@@ -174,5 +174,5 @@ def _four(value: float | None) -> str:
 
 
 def _bounded(solution: Solution) -> bool:
-    """Whether some joint is known to have a limit."""
+    """True where some joint is known to have a limit."""
     return any((x.lower, x.upper) != (None, None) for x in chain(*solution.limits.values()))

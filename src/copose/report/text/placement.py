@@ -48,7 +48,7 @@ def offset(value: float | None) -> str:
 
 
 def is_angle(name: str) -> bool:
-    """Whether a free coordinate, by its name, is an angle and no length."""
+    """True where a free coordinate, by its name, is an angle and no length."""
     return name.rpartition(".")[2] in ("roll", "pitch", "yaw", "angle", "twist")
 
 
