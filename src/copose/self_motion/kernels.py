@@ -23,6 +23,7 @@ class ClosingOptions:
     """Damped Gauss–Newton steps that close an arm."""
 
     steps: int = 3  # in one call: enough to close after a Newton step along a self-motion
+    corrections: int = 2  # in one call, in the plane across a curve
     longest: float = 0.7  # change of a joint in a step, rad or m
     damping: float = 1e-3  # times the squared residual, up to 1, of the mean diagonal of J Jᵀ
     least_damping: float = 1e-13  # of it, where the chain is closed
@@ -38,6 +39,10 @@ class ArmKernels:
     # Of (q, lower, upper) and a goal: q after these steps, and the norm of the residual there, (n +
     # 1,).
     closing: Kernel
+    # With one degree of freedom to spare, of (q, unit tangent) and a goal: q after Newton steps in
+    # the plane across the tangent, the tangent there, its cosine with that given, the norm of the
+    # residual, and the derivative of the closure row by row, (2n + 2 + m·n,).
+    correcting: Kernel | None
     closure: Kernel  # of q and a goal: residual, (m,), and its derivative row by row, (m·n,)
     gap: Kernel  # of q and a goal: position error, (3,), and quaternion of the angle error, (4,)
     terms: Kernel  # of q and a tie: what the arm adds to the sums, (s,)
@@ -71,6 +76,7 @@ class ArmKernels:
             n=n,
             steps=options.steps,
             closing=Kernel(ca.vertcat(q, limits), place, closed),
+            correcting=_correcting(q, place, look, options) if n == m + 1 else None,
             closure=Kernel(q, place, ca.vertcat(residual, ca.vec(J.T))),
             gap=Kernel(q, place, ca.vertcat(*arm.pose_error(goal))),
             terms=Kernel(q, tied, terms),
@@ -84,7 +90,8 @@ class ArmKernels:
     @property
     def all(self) -> tuple[Kernel, ...]:
         """Every kernel, the most used first."""
-        return self.closing, self.closure, self.terms, self.local, self.gap
+        correcting = () if self.correcting is None else (self.correcting,)
+        return self.closing, *correcting, self.closure, self.terms, self.local, self.gap
 
     def residual(self, q: Array, goal: Array) -> tuple[Array, Array]:
         """Closure at q, (count, n): residuals, (count, m), and derivatives, (count, m, n)."""
@@ -121,11 +128,30 @@ def _closing_step(
     return ca.fmin(ca.fmax(q + step, lower), upper)
 
 
+def _correcting(q: ca.SX, place: ca.SX, look: ca.Function, options: ClosingOptions) -> Kernel:
+    """The corrector of a curve of closed postures, see `ArmKernels.correcting`."""
+    tangent = ca.SX.sym("tangent", q.numel())
+    end = q
+    for _ in range(options.corrections):
+        residual, J = look(end, place)
+        end = end + _damped_step(residual, J - (J @ tangent) @ tangent.T, options)
+    residual, J = look(end, place)
+    ahead = tangent + _least_norm_step(J @ tangent, J, options.least_damping)
+    cosine = ca.norm_2(ahead)
+    values = ca.vertcat(end, ahead / cosine, cosine, ca.norm_2(residual), ca.vec(J.T))
+    return Kernel(ca.vertcat(q, tangent), place, values)
+
+
 def _damped_step(residual: ca.SX, J: ca.SX, options: ClosingOptions) -> ca.SX:
-    """The step −Jᵀ(J Jᵀ + λI)⁻¹ r; λ falls with the residual: convergence stays quadratic."""
+    """A Gauss–Newton step; its damping falls with the residual: convergence stays quadratic."""
+    damping = options.damping * ca.fmin(ca.dot(residual, residual), 1) + options.least_damping
+    return _least_norm_step(residual, J, damping)
+
+
+def _least_norm_step(residual: ca.SX, J: ca.SX, damping: ca.SX | float) -> ca.SX:
+    """The step −Jᵀ(J Jᵀ + λI)⁻¹ r, λ so much of the mean diagonal of J Jᵀ."""
     m = residual.shape[0]
     normal = J @ J.T
-    damping = options.damping * ca.fmin(ca.dot(residual, residual), 1) + options.least_damping
     normal += (damping * ca.trace(normal) / m + 1e-100) * ca.SX.eye(m)
     D, LT, order = ca.ldl(normal, False)
     return -J.T @ ca.ldl_solve(residual, D, LT, order)

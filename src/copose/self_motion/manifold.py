@@ -61,61 +61,65 @@ class ClosureManifold:
         limits = self.widened(known)
         return np.asarray(np.maximum(limits.lower - q, q - limits.upper))
 
-    def step(
-        self,
-        q: Array,
-        tangent: Array,
-        length: Array,
-        bend: Array,
-        tolerance: float,
-        corrections: int = 5,
-    ) -> tuple[Array, Array, Mask]:
+    def embedded(self, q: Array) -> Array:
+        """Postures, (k, n), as points, (k, 2n), that turns of unlimited joints do not move."""
+        turning = self.unlimited
+        return np.hstack([np.where(turning, np.cos(q), q), np.where(turning, np.sin(q), 0.0)])
+
+    def step(self, q: Array, tangent: Array, length: Array, bend: Array, tolerance: float) -> Step:
         """A step along curves: predicted by tangents, corrected in the planes across them.
 
         Args:
-            q: on the curves, (k, n).
+            q: on the curves, (k, n), with one degree of freedom to spare.
             tangent: there, (k, n).
             length: of the step along it, (k,).
             bend: about the derivative of the tangent by the arc length, (k, n).
-            tolerance: the residual that needs no correction.
-            corrections: Newton steps, at most, and one evaluation.
+            tolerance: the norm of the residual of closed postures.
 
-        Returns:
-            The points, (k, n), [J; tᵀ] there, (k, n, n), and which are closed, (k,).
+        Raises:
+            ValueError: arms have not one degree of freedom to spare.
         """
-        m, n = self.kernels.m, self.kernels.n
+        m, n, correcting = self.kernels.m, self.kernels.n, self.kernels.correcting
+        if correcting is None:
+            raise ValueError("there is no curve without one degree of freedom to spare")
         far = length[:, None]
-        x = q + far * tangent + far**2 / 2 * bend
         # The part of the bend along the tangent is taken away: the plane stays at the length.
-        x -= ((x - q) * tangent).sum(axis=1, keepdims=True) * tangent - far * tangent
-        A, right = np.empty((len(q), n, n)), np.zeros((len(q), n, 1))
-        A[:, m:] = tangent[:, None]
-        for k in range(corrections):
-            residual, A[:, :m] = self.kernels.residual(x, self.goals)
-            closed = np.abs(residual).max(axis=1) < tolerance
-            if k + 1 == corrections or closed.all():
-                break
-            right[:, :m, 0] = -residual
-            x = x + solved(A, right)
-        return x, A, closed
+        across = bend - (bend * tangent).sum(axis=1, keepdims=True) * tangent
+        rows = np.empty((len(q), 2 * n))
+        rows[:, :n], rows[:, n:] = q + far * tangent + far**2 / 2 * across, tangent
+        ends = correcting(rows, self.goals)
+        closed = ends[:, 2 * n + 1] < tolerance
+        if not closed.all():
+            rows[:, :n] = ends[:, :n]
+            again = ~closed
+            ends[again] = correcting(rows[again], self.goals[again])
+            closed = ends[:, 2 * n + 1] < tolerance
+        J = ends[:, 2 * n + 2 :].reshape(-1, m, n)
+        return Step(ends[:, :n], ends[:, n : 2 * n], ends[:, 2 * n], J, closed)
 
-    def tangents(self, A: Array, heading: Array) -> tuple[Array, Array, Array]:
-        """Unit tangents t, their cosines with headings, and det [J; tᵀ], of [J; headingᵀ]."""
-        right = np.zeros((len(A), A.shape[1], 1))
-        right[:, -1] = 1.0
-        x = solved(A, right)
-        size = np.sqrt((x**2).sum(axis=1))
-        return x / size[:, None], 1 / size, np.linalg.det(A) * size
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Ends of steps along curves of closed postures."""
+
+    q: Array  # postures, (k, n)
+    tangent: Array  # unit tangents there, (k, n)
+    cosine: Array  # of the angles between the tangents at both ends, (k,)
+    J: Array  # derivatives of the closure, (k, m, n)
+    closed: Mask  # which are closed, (k,)
+
+    def taken(self, rows: Mask) -> Step:
+        """Some of the steps."""
+        return Step(
+            self.q[rows], self.tangent[rows], self.cosine[rows], self.J[rows], self.closed[rows]
+        )
+
+    @property
+    def orientation(self) -> Array:
+        """Determinants of [J; tᵀ], t the tangent, (k,): zero where curves meet."""
+        return np.asarray(np.linalg.det(np.concatenate([self.J, self.tangent[:, None]], axis=1)))
 
 
 def null_vectors(J: Array) -> Array:
     """Unit vectors t with J t = 0, (k, n), of matrices with one column more than rows."""
     return np.asarray(np.linalg.qr(J.swapaxes(1, 2), mode="complete")[0][:, :, -1])
-
-
-def solved(A: Array, right: Array) -> Array:
-    """A⁻¹ right, (k, n); of the least norm where there is none."""
-    try:
-        return np.asarray(np.linalg.solve(A, right)[:, :, 0])
-    except np.linalg.LinAlgError:
-        return np.asarray((np.linalg.pinv(A) @ right)[:, :, 0])

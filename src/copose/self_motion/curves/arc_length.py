@@ -11,7 +11,7 @@ import numpy as np
 from copose.poses import Array
 from copose.self_motion.curves.curve import Curve
 from copose.self_motion.manifold import ClosureManifold
-from copose.self_motion.projection import project
+from copose.self_motion.projection import CLOSED, project
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +81,9 @@ class Track:
     def resampled(self, s: Array) -> Track:
         """The curve with knots at other arc lengths; of a loop the last is the first once round."""
         points, heading = self.closed(s), self.cubic(s)[1]
-        n = points.shape[1]
-        _, J = self.rails.kernels.residual(points, self.rails.goals[0])
-        A = np.concatenate([J, heading[:, None]], axis=1).reshape(-1, n, n)
-        tangents = self.rails.tangents(A, heading)[0]
+        heading /= np.linalg.norm(heading, axis=1, keepdims=True)
+        still = np.zeros(len(s)), np.zeros_like(points)
+        tangents = self.rails.many(len(s)).step(points, heading, *still, CLOSED).tangent
         lost = ~np.isfinite(tangents).all(axis=1)
         tangents[lost] = heading[lost]
         return Track(s - s[0], points, tangents, self.loop, self.rails)

@@ -16,6 +16,7 @@ class TracingOptions:
     """Step lengths and tolerances of tracing; lengths in the space of joints, rad (or m)."""
 
     longest: float = 0.2  # step, and so the distance of points
+    first: float = 0.5  # step, over the longest
     shortest: float = 1e-4  # step: where it would be shorter the trace ends
     growth: float = 1.6  # of the step where the curve is very straight
     steps: int = 3000  # at most
@@ -24,13 +25,18 @@ class TracingOptions:
     straight: float = 0.9  # least cosine between the tangents at both ends of a step
     very_straight: float = 0.985  # cosine from which the next step may be longer
     aside: float = 0.4  # distance of a step's end from the tangent, over its length, at most
+    oriented: bool = True  # whether det [J; tᵀ] has to keep its sign
     same: float = 1e-5  # difference of joints that are the same
+    arc: float = 0.0  # difference of tangents from those of an arc, for fronts to meet unseen
+    beside: float = (
+        1.5  # distance of a posture that may be met, over that along the tangent, at most
+    )
     touching: float = 1e-9  # joint beyond a limit that counts as at it
     unsure: float = 0.5  # error of the estimated depth of a joint's turn, as a part of it
     shallow: float = 1e-8  # depth of a turn that does not matter
     halvings: int = 40  # that find the posture at a limit
     room: float = 0.6  # of the way to where det [J; tᵀ] would vanish, as it falls
-    singular: float = 1e-7  # ratio of singular values of J below which there is no one tangent
+    singular: float = 1e-11  # det [J; tᵀ] over |J|ᵐ below which there is no one tangent
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +62,10 @@ class Curve:
     def at(self, rows: Indices, along: Array) -> tuple[Array, Mask]:
         """Postures at some distances after points, (count, n), and which are on the curve."""
         base, tangent = self.points[rows], self.tangents[rows]
-        x, _, closed = self.rails.many(len(rows)).step(
+        step = self.rails.many(len(rows)).step(
             base, tangent, along, np.zeros_like(base), self.options.closed_well
         )
-        return x, closed
+        return step.q, step.closed
 
     def place(self, q: Array) -> tuple[int, float] | None:
         """The point before a closed posture, (n,), and its distance; None where it is elsewhere."""

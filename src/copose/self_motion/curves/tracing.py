@@ -1,23 +1,25 @@
-"""Tracing of self-motions with one degree of freedom, by predictor and corrector, up to limits.
+"""Tracing of self-motions with one degree of freedom, from many postures at once.
 
 {q : closure(q) = 0, lower ≤ q ≤ upper} of an arm with one degree of freedom to spare is made of
 curves in the space of joint angles, which no limited joint leaves by a turn: arcs from limit to
-limit, and loops. A curve is traced from a posture both ways. A step goes along the tangent and back
-onto the curve in the plane across it, and counts only if it is straight, and if det [J; tᵀ], t the
-tangent, keeps its sign: another curve nearby has the other one. Where curves meet det vanishes, and
-there the trace ends.
+limit, and loops. A curve is traced from a posture both ways, by two fronts. A step goes along the
+tangent and back onto the curve in the plane across it, and counts only if it is straight, and if
+det [J; tᵀ], t the tangent, keeps its sign: another curve nearby has the other one. Where curves
+meet det vanishes, and there a front ends. Two fronts that face each other on one curve meet.
 
-`Loops` is the coarse tracer beside this one: it covers all self-motions of an arm, limits aside, by
-points that are far apart, and may cross over to a curve nearby without harm.
+`follow` traces each curve by itself, up to limits; `Loops` covers all self-motions of an arm by
+points, limits aside: its fronts meet whichever comes along.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from copose.poses import Array, Indices
+from copose.poses import Array, Indices, Mask
 from copose.self_motion.curves.curve import Curve, TracingOptions
-from copose.self_motion.manifold import ClosureManifold, null_vectors
+from copose.self_motion.manifold import ClosureManifold, Step, null_vectors
 from copose.self_motion.projection import CLOSED
 
 
@@ -35,178 +37,285 @@ def follow(
         targets: postures, (k, n), at which the trace ends; ends of curves are then not refined.
         options: step lengths and tolerances.
     """
-    options = options or TracingOptions()
-    fronts = _Fronts(rails, q, targets, options)
-    # Where curves meet there is no tangent: a step that comes to nothing is no step.
-    with np.errstate(all="ignore"):
-        for _ in range(options.steps):
-            if not fronts.going.any():
-                break
-            fronts.advance()
-        return fronts.curves()
+    fronts = Fronts(rails, q, options or TracingOptions(), apart=True, targets=targets)
+    while fronts.advance():
+        pass
+    ends = fronts.ends() if targets is None else {}
+    return [_curve(fronts, k, ends) for k in range(len(q))]
 
 
-class _Fronts:
-    """Two fronts of each arm that go on until limits stop them or they meet."""
+class Fronts:
+    """Fronts that go along self-motions, two of each seed, until limits or others stop them.
+
+    Attributes:
+        going: which go on, (2k,).
+        seeds: number of the seed of each, (2k,).
+        meetings: pairs of seeds that are on one curve.
+        loops: seeds whose fronts have met, (k,).
+        met: seeds whose targets have been met, (k,).
+        stops: number of the joint whose limit stops each front, −1 where none does, (2k,).
+        q: where they are, (2k, n).
+        rails: of their arms.
+        options: step lengths and tolerances.
+        trail: by step, numbers of fronts, their postures and tangents, and how far they came.
+    """
 
     def __init__(
-        self, rails: ClosureManifold, q: Array, targets: Array | None, options: TracingOptions
+        self,
+        rails: ClosureManifold,
+        q: Array,
+        options: TracingOptions,
+        *,
+        apart: bool,
+        targets: Array | None = None,
+        longest: Callable[[Array], Array] | None = None,
     ) -> None:
+        """Fronts at closed postures.
+
+        Args:
+            rails: of the postures' arms.
+            q: the postures, (k, n).
+            options: step lengths and tolerances.
+            apart: whether each seed has a curve of its own: only its two fronts meet then.
+            targets: postures that end the traces of seeds, (k, n).
+            longest: lengths of steps at postures, (count,), at most; else that of the options.
+        """
         k, n = q.shape
-        self.k, self.targets, self.options = k, targets, options
-        arms = np.tile(np.arange(k), 2)
-        self.arms, self.rails = arms, rails.taken(arms)
+        self.options, self._apart, self._targets, self._longest = options, apart, targets, longest
+        self.seeds = np.tile(np.arange(k), 2)
+        self.rails, self.meetings = rails.taken(self.seeds), list[tuple[int, int]]()
         _, J = rails.kernels.residual(q, rails.goals)
         tangent = null_vectors(J)
         det = np.linalg.det(np.concatenate([J, tangent[:, None]], axis=1))
-        size = np.linalg.svd(J, compute_uv=False)
-        sound = size[:, -1] > options.singular * size[:, 0]
-        self.q, self.tangent = q[arms], np.vstack([tangent, -tangent])
-        self.det = np.concatenate([det, -det])
-        self.bend, self.length = np.zeros((2 * k, n)), np.full(2 * k, options.longest / 2)
-        self.going = sound[arms]
-        self.met, self.loop = np.zeros(k, dtype=bool), np.zeros(k, dtype=bool)
-        self.stops: list[int | None] = [None] * (2 * k)
-        self.outside: dict[int, tuple[Array, Array, float]] = {}
-        self.trails: list[list[tuple[Array, Array]]] = [
-            [(q, t)] for q, t in zip(self.q, self.tangent.copy(), strict=True)
-        ]
+        sound = np.abs(det) > options.singular * np.sqrt((J**2).sum(axis=(1, 2))) ** rails.kernels.m
+        self.q, self._tangent = q[self.seeds], np.vstack([tangent, -tangent])
+        self._places = self.rails.embedded(self.q)
+        self._det, self._bend = np.concatenate([det, -det]), np.zeros((2 * k, n))
+        self._length = options.first * self._most(self.q)
+        self.going, self.stops = sound[self.seeds], np.full(2 * k, -1)
+        self.loops, self.met = np.zeros(k, dtype=bool), np.zeros(k, dtype=bool)
+        self.trail = [(np.arange(k), q, tangent, self._length[:k])]
+        self._limited = bool((np.isfinite(rails.lower) | np.isfinite(rails.upper)).any())
+        self._left = options.steps
 
-    def advance(self) -> None:
-        """One step of every front that goes on."""
-        options = self.options
+    def advance(self) -> bool:
+        """One step of every front that goes on and need not wait; False if none goes on."""
+        if not self._left or not self.going.any():
+            return False
+        self._left -= 1
+        rows, length, aims, others = self._next()
+        rails, q = self.rails.taken(rows), self.q[rows]
+        # Where curves meet there is no tangent: a step that comes to nothing is no step.
+        with np.errstate(all="ignore"):
+            step, det, shorter = self._tried(rails, rows, length)
+        on = shorter == length
+        self._shorten(rows[~on], shorter[~on])
+        aimed = np.flatnonzero(on & (others != rows))
+        if len(aimed):
+            missed = np.abs(rails.taken(aimed).wrapped(step.q[aimed] - aims[aimed])).max(axis=1)
+            met = aimed[missed < self.options.same]
+            on[met] = False
+            self._meet(rows[met], others[met])
+        if self._limited:
+            excess = rails.excess(step.q, q)
+            out = on & (excess > self.options.touching).any(axis=1)
+            self.stops[rows[out]], self._length[rows[out]] = excess[out].argmax(axis=1), length[out]
+            self.going[rows[out]], on[out] = False, False
+        if on.any():
+            self._move(rails.taken(on), rows[on], step.taken(on), length[on], det[on])
+        return True
+
+    def _next(self) -> tuple[Indices, Array, Array, Indices]:
+        """The next steps: fronts that need not wait, lengths, and the postures that end steps which
+        would pass them, with the fronts that are there, −1 for a target, themselves for none.
+
+        Of two fronts that may pass each other in their next steps only one goes on.
+        """
+        count, length, reach = len(self.q), self._length.copy(), self._length + self.options.same
+        aims, others = self.q.copy(), np.arange(count)
+        if self._targets is not None:
+            targets = self._targets[self.seeds]
+            ahead = self._ahead(others, targets)[2]
+            # A step that ends beyond a limit may pass a target on the far side.
+            within = (self.rails.excess(targets, self.q) <= self.options.same).all(axis=1)
+            near = within & (ahead <= reach)
+            length[near] = reach[near] = ahead[near]
+            aims[near], others[near] = targets[near], -1
+        one, other, ahead = self._facing()
+        going = self.going.copy()
+        going[other] = False
+        for k in np.flatnonzero(ahead <= reach[one]):
+            a, b = one[k], other[k]
+            if ahead[k] <= reach[a]:
+                length[a], reach[a], aims[a], others[a] = ahead[k], ahead[k], self.q[b], b
+        rows = np.flatnonzero(going)
+        return rows, length[rows], aims[rows], others[rows]
+
+    def _facing(self) -> tuple[Indices, Indices, Array]:
+        """Pairs of fronts that face each other, nearer than their next steps go together, (k,)
+        each, and distances along the steps of the first at which they pass the others.
+        """
         rows = np.flatnonzero(self.going)
-        rails = self.rails.taken(rows)
-        q, t, length = self.q[rows], self.tangent[rows], self.length[rows]
-        x, A, good = rails.step(q, t, length, self.bend[rows], options.closed)
-        ahead, cosine, det = rails.tangents(A, t)
-        aside = np.linalg.norm(x - q - length[:, None] * t, axis=1)
-        good &= (cosine > options.straight) & (det * self.det[rows] > 0)
-        good &= aside < options.aside * length
-        shorter = np.where(good, _turning(rails, q, t, ahead, length, options), length / 2)
-        good &= shorter == length
-        self.length[rows] = shorter
-        self.going[rows[shorter < options.shortest]] = False
-        done, which = rows[good], np.flatnonzero(good)
-        if not len(done):
-            return
-        excess = rails.excess(x, q)[which]
-        out = (excess > options.touching).any(axis=1)
-        for row, i, k in zip(done[out], which[out], np.flatnonzero(out), strict=True):
-            self.going[row] = False
-            self.stops[row] = int(excess[k].argmax())
-            self.outside[row] = q[i], t[i], float(length[i])
-        self._look_for_targets(done)
-        on = which[~out]
-        self._move(done[~out], x[on], ahead[on], cosine[on], det[on])
+        t, length, square = self._tangent, self._length, (self._places**2).sum(axis=1)
+        apart = square[rows, None] + square - 2 * self._places[rows] @ self._places.T
+        near = apart < (length[rows, None] + length) ** 2
+        near &= t[rows] @ t.T < 0
+        if self._apart:
+            near &= self.seeds[rows, None] == self.seeds
+        one, other = np.nonzero(near)
+        one = rows[one]
+        # Of two that go on each sees the other.
+        once = (one < other) | ~self.going[other]
+        one, other = one[once], other[once]
+        if not len(one):
+            return one, other, np.zeros(0)
+        offset, along, ahead = self._ahead(one, self.q[other])
+        facing = along > self.options.touching
+        if self.options.arc > 0:
+            met = facing.copy()
+            met[facing] = self._joined(one[facing], other[facing], offset[facing])
+            facing &= ~met & self.going[one]
+        return one[facing], other[facing], ahead[facing]
 
-    def _move(self, rows: Indices, x: Array, ahead: Array, cosine: Array, det: Array) -> None:
-        """Move fronts to new points, close loops where partners meet, and choose the next steps."""
-        if not len(rows):
-            return
-        old, new = self.q, self.q.copy()
-        new[rows] = x
-        taken = np.ones(len(old), dtype=bool)
-        partner = (rows + self.k) % (2 * self.k)
-        for points in (old, new):
-            for row in self._passing(rows, points[partner], self.options.same):
-                arm, other = self.arms[row], (row + self.k) % (2 * self.k)
-                if self.going[row] and not self.loop[arm]:
-                    self.loop[arm] = True
-                    # What both have come to in this step is beyond each other.
-                    taken[row], taken[other] = False, points is new
-        self.going &= ~self.loop[self.arms]
-        for row, q, t in zip(rows, x, ahead, strict=True):
-            if taken[row]:
-                self.trails[row].append((q, t))
-        length = self.length[rows]
-        self.bend[rows] = (ahead - self.tangent[rows]) / length[:, None]
-        self.tangent[rows], self.q = ahead, new
-        options = self.options
-        longer = np.minimum(options.growth * length, options.longest)
-        longer = np.where(cosine > options.very_straight, longer, length)
-        # Where curves meet det vanishes: what would pass such a place has to come up to it.
-        falling = np.maximum(1.0 - det / self.det[rows], 1e-9)
-        room = length * (1.0 - falling) / falling
-        self.length[rows] = np.minimum(longer, options.room * room)
-        self.det[rows] = det
+    def _joined(self, one: Indices, other: Indices, offset: Array) -> Mask:
+        """Mask of pairs of fronts that have met, for their tangents are those of an arc, (k,).
 
-    def _look_for_targets(self, rows: Indices) -> None:
-        """End the traces whose step, about to be taken, passes their target."""
-        if self.targets is None:
-            return
-        targets = self.targets[self.arms]
-        for row in self._passing(rows, targets[rows], -self.options.same):
-            # A step that ends beyond a limit may pass it on the far side.
-            rails, q = self.rails.taken(np.array([row])), self.q[row][None]
-            target = q + rails.wrapped(targets[row] - q)
-            self.met[self.arms[row]] |= bool(rails.excess(target, q).max() <= self.options.same)
-        self.going &= ~self.met[self.arms]
+        Where they are more than a step apart a point half way is added.
 
-    def _passing(self, rows: Indices, points: Array, least: float) -> list[int]:
-        """Fronts whose step, about to be taken, passes a posture of each.
+        Args:
+            one: numbers of fronts, (k,).
+            other: of those that face them, alike.
+            offset: from the ones to the others, (k, n).
+        """
+        distance = np.sqrt((offset**2).sum(axis=1))
+        way = offset / distance[:, None]
+        t, against = self._tangent[one], self._tangent[other]
+        off = t - against - 2 * (t * way).sum(axis=1, keepdims=True) * way
+        nearest = np.full(len(self.q), np.inf)
+        np.minimum.at(nearest, one, distance)
+        np.minimum.at(nearest, other, distance)
+        arcs = (off**2).sum(axis=1) < self.options.arc**2
+        arcs &= (distance <= nearest[one]) & (distance <= nearest[other])
+        self._meet(one[arcs], other[arcs])
+        far = np.flatnonzero(arcs & (distance > self._length[one]))
+        if len(far):
+            half = distance[far] / 2
+            middle = self.q[one[far]] + offset[far] / 2
+            middle += half[:, None] / 4 * (t[far] + against[far])
+            self.trail.append((one[far], middle, way[far], half))
+        return np.asarray(arcs)
+
+    def _ahead(self, rows: Indices, points: Array) -> tuple[Array, Array, Array]:
+        """Offsets of postures from fronts, (k, n), their parts along the tangents, (k,), and the
+        same where steps may pass the postures, infinite elsewhere.
 
         Args:
             rows: of the fronts, (k,).
-            points: the postures, (k, n).
-            least: distance of a posture along the step, at least.
+            points: a posture of each, (k, n).
         """
         options = self.options
-        q, t, length = self.q[rows], self.tangent[rows], self.length[rows]
-        rails = self.rails if len(rows) == len(self.q) else self.rails.taken(rows)
-        offset = rails.wrapped(points - q)
-        along = (offset * t).sum(axis=1)
-        near = (along >= least) & (along <= length + options.same)
-        near &= (offset**2).sum(axis=1) - along**2 <= (options.aside * length + options.same) ** 2
-        if not near.any():
-            return []
-        rows = rows[near]
-        x, _, closed = self.rails.taken(rows).step(
-            q[near], t[near], along[near], self.bend[rows], options.closed_well
-        )
-        same = closed & (np.abs(x - q[near] - offset[near]).max(axis=1) < options.same)
-        return list(rows[same])
+        offset = self.rails.taken(rows).wrapped(points - self.q[rows])
+        along = (offset * self._tangent[rows]).sum(axis=1)
+        ahead = along > options.touching
+        ahead &= (offset**2).sum(axis=1) <= (options.beside * along) ** 2
+        return offset, along, np.where(ahead, along, np.inf)
 
-    def curves(self) -> list[Curve]:
-        """The traced curves, arm by arm."""
-        if self.targets is None:
-            self._end_at_limits()
-        curves = []
-        for arm in range(self.k):
-            forward, backward = self.trails[arm], self.trails[arm + self.k]
-            trail = [(q, -t) for q, t in backward[:0:-1]] + forward
-            if self.loop[arm]:
-                trail = forward + [(q, -t) for q, t in backward[:0:-1]]
-            ends = [arm, arm + self.k]
-            curves.append(Curve(
-                points=np.array([q for q, _ in trail]),
-                tangents=np.array([t for _, t in trail]),
-                loop=bool(self.loop[arm]),
-                complete=bool(self.loop[arm] or all(self.stops[row] is not None for row in ends)),
-                met=bool(self.met[arm]),
-                stops=tuple(stop for row in ends if (stop := self.stops[row]) is not None),
-                rails=self.rails.taken(np.array([arm])),
-                options=self.options,
-            ))  # fmt: skip
-        return curves
+    def _tried(
+        self, rails: ClosureManifold, rows: Indices, length: Array
+    ) -> tuple[Step, Array, Array]:
+        """Steps of fronts, det [J; tᵀ] at their ends, and lengths, shorter where they do not count.
 
-    def _end_at_limits(self) -> None:
-        """Add to each trail the posture at which a limit stops it."""
-        for row, (q, t, length) in self.outside.items():
-            rails = self.rails.taken(np.array([row]))
-            bend, low, high = self.bend[row][None], 0.0, length
-            end = None
-            for _ in range(self.options.halvings):
-                middle = (low + high) / 2
-                x, A, closed = rails.step(
-                    q[None], t[None], np.array([middle]), bend, self.options.closed_well
-                )
-                if closed[0] and (rails.excess(x, q[None]) <= 0).all():
-                    low, end = middle, (x[0], rails.tangents(A, t[None])[0][0])
-                else:
-                    high = middle
-            if end is not None and low > CLOSED:
-                self.trails[row].append(end)
+        Args:
+            rails: of the fronts.
+            rows: of the fronts, (k,).
+            length: of their steps, (k,).
+        """
+        options, q, t = self.options, self.q[rows], self._tangent[rows]
+        step = rails.step(q, t, length, self._bend[rows], options.closed)
+        det = step.orientation if options.oriented else self._det[rows]
+        aside = step.q - q - length[:, None] * t
+        good = step.closed & (step.cosine > options.straight) & (det * self._det[rows] > 0)
+        good &= (aside**2).sum(axis=1) < (options.aside * length + options.touching) ** 2
+        if self._limited:
+            length = np.where(good, _turning(rails, q, t, step.tangent, length, options), length)
+        return step, det, np.where(good, length, length / 2)
+
+    def _meet(self, rows: Indices, others: Indices) -> None:
+        """Stop fronts, (k,), at others, or at their targets where these are −1."""
+        one, target = self.seeds[rows], others < 0
+        self.met[one[target]] = True
+        self.going &= ~self.met[self.seeds]
+        other = self.seeds[others]
+        self.loops[one[(one == other) & ~target]] = True
+        self.going[rows] = self.going[others[~target]] = False
+        self.meetings += zip(one[~target].tolist(), other[~target].tolist(), strict=True)
+
+    def _move(
+        self, rails: ClosureManifold, rows: Indices, step: Step, length: Array, det: Array
+    ) -> None:
+        """Move fronts to the ends of steps, and choose the next."""
+        options, planned = self.options, self._length[rows]
+        self.trail.append((rows, step.q, step.tangent, length))
+        self._bend[rows] = (step.tangent - self._tangent[rows]) / length[:, None]
+        self.q[rows], self._tangent[rows] = step.q, step.tangent
+        self._places[rows] = rails.embedded(step.q)
+        longer = np.where(step.cosine > options.very_straight, options.growth * planned, planned)
+        # Where curves meet det vanishes: what would pass such a place has to come up to it.
+        falling = np.maximum(1.0 - det / self._det[rows], 1e-9)
+        room = options.room * length * (1.0 - falling) / falling
+        self._det[rows] = det
+        self._shorten(rows, np.minimum(np.minimum(longer, self._most(step.q)), room))
+
+    def _shorten(self, rows: Indices, length: Array) -> None:
+        """Set lengths of next steps; fronts for which they are too short end."""
+        self._length[rows] = length
+        self.going[rows[length < self.options.shortest]] = False
+
+    def _most(self, q: Array) -> Array:
+        """The longest steps at postures, (count,)."""
+        longest = self.options.longest
+        return np.full(len(q), longest) if self._longest is None else self._longest(q)
+
+    def ends(self) -> dict[int, tuple[Array, Array]]:
+        """Posture, (n,), and tangent at the limit that stops each front, by its number."""
+        rows = np.flatnonzero(self.stops >= 0)
+        rails, q, t = self.rails.taken(rows), self.q[rows], self._tangent[rows]
+        low, high, ends = np.zeros(len(rows)), self._length[rows], (q.copy(), t.copy())
+        for _ in range(self.options.halvings):
+            middle = (low + high) / 2
+            step = rails.step(q, t, middle, self._bend[rows], self.options.closed_well)
+            within = step.closed & (rails.excess(step.q, q) <= 0).all(axis=1)
+            low, high = np.where(within, middle, low), np.where(within, high, middle)
+            for end, reached in zip(ends, (step.q, step.tangent), strict=True):
+                end[within] = reached[within]
+        return {int(rows[k]): (ends[0][k], ends[1][k]) for k in np.flatnonzero(low > CLOSED)}
+
+
+def _curve(fronts: Fronts, seed: int, ends: dict[int, tuple[Array, Array]]) -> Curve:
+    """The traced curve of a seed, from the end of one of its fronts to that of the other."""
+    both = np.flatnonzero(fronts.seeds == seed)
+    halves = []
+    for row in both:
+        parts = [(q[rows == row], t[rows == row]) for rows, q, t, _ in fronts.trail]
+        parts += [(q[None], t[None]) for number, (q, t) in ends.items() if number == row]
+        halves.append([np.vstack(part) for part in zip(*parts, strict=True)])
+    forward, (back, against) = halves[0], halves[1]
+    backward, loop = (back[::-1], -against[::-1]), bool(fronts.loops[seed])
+    points, tangents = (
+        np.vstack(part)
+        for part in zip(*((forward, backward) if loop else (backward, forward)), strict=True)
+    )
+    stops = fronts.stops[both]
+    return Curve(
+        points=points,
+        tangents=tangents,
+        loop=loop,
+        complete=loop or bool((stops >= 0).all()),
+        met=bool(fronts.met[seed]),
+        stops=tuple(int(stop) for stop in stops if stop >= 0),
+        rails=fronts.rails.taken(np.array([seed])),
+        options=fronts.options,
+    )
 
 
 def _turning(
