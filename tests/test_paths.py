@@ -20,6 +20,8 @@ from copose.motion.graph.dynamic_programming import Lattice, Moves
 from copose.motion.graph.roadmap import Roadmap, RoadmapOptions
 from copose.motion.path.knots import Course
 from copose.motion.path.object_motion import ObjectMotion
+from copose.motion.search.candidates import TrialOptions
+from copose.motion.search.effort import PathEffort
 from copose.posture.model import PostureModel
 from object_path import ObjectPath
 from path_problems import GRAVITY, along, carried, hinged, single_hinged
@@ -57,6 +59,19 @@ def limited(cell: dict, **keys: object) -> dict:
 def test_the_same_file_and_seed_give_the_same_motion() -> None:
     one, other = (planned(hinged(), seed=3) for _ in range(2))
     assert one.model_copy(update=STILL) == other.model_copy(update=STILL)
+
+
+def test_the_effort_decides_how_many_routes_are_optimised() -> None:
+    problem = copose.parse(hinged())
+    normal, low = copose.plan(problem), copose.plan(problem, effort="low")
+    two = copose.plan(problem, effort=PathEffort(routes=TrialOptions(routes=2, more_routes=2)))
+    assert [len(motion.search.routes) for motion in (low, two)] == [1, 2]
+    assert len(normal.search.routes) == 3
+    assert normal.model_copy(update=STILL) == copose.plan(problem, effort="normal").model_copy(
+        update=STILL
+    )
+    with pytest.raises(copose.InputError, match="'huge' is not low, normal or high"):
+        copose.plan(problem, effort="huge")
 
 
 def test_any_seed_finds_the_same_motion() -> None:

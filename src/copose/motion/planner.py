@@ -10,6 +10,7 @@ from copose.kernels import one_at_a_time
 from copose.motion.dynamics.rates import JointRates
 from copose.motion.path.request import asked
 from copose.motion.search.candidates import Ends
+from copose.motion.search.effort import PathEffort, path_effort_of
 from copose.motion.search.motion_search import MotionSearch
 from copose.motion.search.obstruction import Obstruction, unfound
 from copose.motion.search.optimiser import MotionOptimiser
@@ -18,6 +19,7 @@ from copose.motion.search.refinement import Refiner
 from copose.motion.search.result import Answer
 from copose.objectives.registry import objective_of
 from copose.posture.model import PostureModel
+from copose.posture.search.effort import EffortName
 from copose.problem import PathSpec, PlanarWaypoint, Problem, Waypoint
 from copose.progress import StoppedError, Tell, sheltered, stage, watched
 from copose.results import Motion
@@ -76,6 +78,7 @@ class PathPlanner:
         progress: Tell | None = None,
         time_limit: float | None = None,
         ends: Ends | None = None,
+        effort: EffortName | PathEffort = "normal",
     ) -> Motion:
         """The best joint motion along the path.
 
@@ -88,11 +91,16 @@ class PathPlanner:
             time_limit: s; the best found by then is the answer, with a note, or ``failed`` where
                 there is none yet. Answers under a limit may differ from run to run.
             ends: postures to begin and to end with in place of the file's ``start``.
+            effort: how much is searched.
 
         Returns:
             A motion whose ``status`` is ``solved``; ``infeasible`` with when and where as
             ``reason``, or ``failed``.
+
+        Raises:
+            InputError: there is no such effort.
         """
+        options = path_effort_of(effort)
         answer = Answer(
             problem=self.problem,
             path=self.path,
@@ -103,12 +111,14 @@ class PathPlanner:
         )
         with watched(progress, time_limit):
             try:
-                return self._answered(answer, seed, ends)
+                return self._answered(answer, seed, ends, options)
             except StoppedError as stop:
                 with sheltered():
                     return answer.stopped(unfound(stop), None)
 
-    def _answered(self, answer: Answer, seed: int | None, ends: Ends | None) -> Motion:
+    def _answered(
+        self, answer: Answer, seed: int | None, ends: Ends | None, effort: PathEffort
+    ) -> Motion:
         """The result, from the ends given or those of the posture problem."""
         answer.compiled = self._compiled(wait=False)
         target = None
@@ -128,9 +138,12 @@ class PathPlanner:
                 model=self._model,
                 shaper=self._shaper,
                 drive=self._drive,
+                options=effort.refining,
             ),
             answer=answer,
             seed=self.problem.search.seed if seed is None else seed,
+            options=effort.making,
+            routes=effort.routes,
         )
         return making.motion(ends)
 
@@ -147,12 +160,15 @@ def plan(
     seed: int | None = None,
     progress: Tell | None = None,
     time_limit: float | None = None,
+    effort: EffortName | PathEffort = "normal",
 ) -> Motion:
     """The best joint motion along the path of a problem: `PathPlanner.plan` of a new planner.
 
     Raises:
-        InputError: a robot cannot be used, or the path cannot be what it asks for.
+        InputError: a robot cannot be used, the path cannot be what it asks for, or there is no such
+            effort.
     """
+    options = path_effort_of(effort)
     began = time.perf_counter()
     with watched(progress, time_limit):
         try:
@@ -161,7 +177,7 @@ def plan(
         except StoppedError as stop:
             with sheltered():
                 return _unbuilt(problem, began).stopped(unfound(stop), None)
-        return planner.plan(seed=seed)
+        return planner.plan(seed=seed, effort=options)
 
 
 def _unbuilt(problem: Problem, began: float) -> Answer:

@@ -13,7 +13,13 @@ from copose.motion.graph.node_values import NodeValues
 from copose.motion.graph.roadmap import Roadmap
 from copose.motion.nlp.constraint_generation import same_motion
 from copose.motion.path.knots import Course
-from copose.motion.search.candidates import Candidate, CandidateSearch, Ends, Outcome
+from copose.motion.search.candidates import (
+    Candidate,
+    CandidateSearch,
+    Ends,
+    Outcome,
+    TrialOptions,
+)
 from copose.motion.search.obstruction import Obstruction, disconnected, not_started
 from copose.motion.search.preconditions import refuted
 from copose.motion.search.refinement import CheckedMotion, Refiner
@@ -68,6 +74,7 @@ class MotionSearch:
     answer: Answer  # puts results together
     seed: int  # of everything that is drawn
     options: MakingOptions = MakingOptions()  # of the search
+    routes: TrialOptions = field(default_factory=TrialOptions)  # of the routes that are optimised
 
     @property
     def path(self) -> PathSpec:
@@ -166,7 +173,14 @@ class MotionSearch:
         stage("finding routes")
         values = NodeValues(self.model, course, roadmaps)
         trial = CandidateSearch(
-            self.finisher, course, held, roadmaps, values, self.answer.duration, self.seed
+            self.finisher,
+            course,
+            held,
+            roadmaps,
+            values,
+            self.answer.duration,
+            self.seed,
+            self.routes,
         )
         if self.finisher.shaper.shortest:
             trial = trial.lasting(self._reckoned(trial.least_duration()))
