@@ -13,7 +13,7 @@ from copose.capability import RESOLUTIONS, Resolution
 from copose.errors import InputError, arm_key, blamed_on, nearest, together
 from copose.mechanics import System, object_parameters
 from copose.poses import Array, Mask
-from copose.problem import ConstraintsSpec, Problem, case_problems, moved
+from copose.problem import Problem, case_problems, moved
 from copose.robots import Arm, load_arms
 
 
@@ -230,11 +230,6 @@ class Cell:
         if not self.problem.cases:
             return (self,)
         return tuple(self.with_places(each, self.arms) for each in case_problems(self.problem))
-
-    def under(self, constraints: ConstraintsSpec) -> Cell:
-        """This cell with other constraints than the file's."""
-        problem = self.problem.model_copy(update={"constraints": constraints})
-        return replace(self, problem=problem)
 
     def unlimited(self, i: int) -> tuple[str, ...]:
         """Names of the revolute joints of arm i that have no limits."""

@@ -16,6 +16,7 @@ from copose.cell.freedom import Freedom
 from copose.cell.variables import Places
 from copose.collision import Bodies, Scene
 from copose.constraints.clearance import Apart
+from copose.constraints.posture_constraint import PostureConstraint
 from copose.constraints.registry import constraints_of
 from copose.errors import InputError
 from copose.kernels import Kernel
@@ -47,16 +48,21 @@ class PostureModel:
         bodies: that may not touch, if any.
     """
 
-    def __init__(self, cell: Cell, objective: Objective | None = None) -> None:
-        """Build what a search needs, with an objective in place of the problem's if one is given.
+    def __init__(
+        self,
+        cell: Cell,
+        objective: Objective | None = None,
+        constraints: Sequence[PostureConstraint] | None = None,
+    ) -> None:
+        """Build what a search needs, with an objective or constraints in place of the problem's.
 
         The posture program follows when it is asked for.
         """
         self.cell = cell
         self.objective: Objective = objective_of(cell) if objective is None else objective
         self._given = objective
-        self.feasibility = Feasibility(constraints_of(cell))
-        constraints = self.feasibility.constraints
+        constraints = constraints_of(cell) if constraints is None else tuple(constraints)
+        self.feasibility = Feasibility(constraints)
         limited = [self.objective.torque_limited, *(c.torque_limited for c in constraints)]
         self.capacity = CellDynamics(cell, cell.counted_limits) if any(limited) else None
         models: dict[bytes, ArmKernels] = {}

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from copose.cell.cell import Cell
+from copose.constraints.registry import constraints_of
 from copose.objectives.payload import Payload
 from copose.poses import Array
 from copose.posture.model import PostureModel
@@ -68,11 +69,10 @@ def uncarried(setting: Setting) -> bool:
 def heaviest_object(cell: Cell, seed: int) -> Heaviest:
     """The postures that hold the most, by a search for the largest payload."""
     limits = cell.counted_limits
-    constraints = cell.problem.constraints.model_copy(update={"static_torque": False})
-    free = cell.under(constraints)
+    constraints = [each for each in constraints_of(cell) if not each.torque_limited]
     rest = np.zeros(cell.problem.space.m)
-    model = PostureModel(free, Payload(limits, rest, cell.problem.space))
-    setting = model.setting(free)
+    model = PostureModel(cell, Payload(limits, rest, cell.problem.space), constraints)
+    setting = model.setting(cell)
     with hushed():
         outcome = search(model, setting, seed, EFFORTS["normal"])
     nothing = "no posture holds the object at rest within the torque limits"
