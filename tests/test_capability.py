@@ -236,7 +236,7 @@ def test_ellipsoid_is_the_set_that_it_says(rows: list[list[float]], seed: int) -
     assert sign == 1 and abs(E.log_volume - (log_ball_volume(m) - log_det / 2)) < 1e-8
     for radius, axis in zip(E.radii, E.axes, strict=True):
         assert abs(E.radius(axis) - radius) < 1e-9 * radius
-    again = Ellipsoid.from_gram(E.gram, center)
+    again = Ellipsoid.from_factor(np.linalg.cholesky(E.gram).T, center)
     assert np.allclose(again.radii, E.radii, rtol=1e-6)
 
 

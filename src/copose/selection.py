@@ -1,4 +1,4 @@
-"""Greedy selection of items that keep a distance from each other: of near items the first wins."""
+"""Greedy selection of items that keep a distance from each other, and groups of like items."""
 
 from __future__ import annotations
 
@@ -50,3 +50,15 @@ def far_apart_rows(
             taken.append(row)
             free[near(row, free)] = False
     return taken
+
+
+def groups(items: Iterable[Item], alike: Callable[[Item, Item], bool]) -> list[list[Item]]:
+    """Items in groups, in order: each joins the first group whose first item is like it."""
+    grouped: list[list[Item]] = []
+    for item in items:
+        group = next((group for group in grouped if alike(group[0], item)), None)
+        if group is None:
+            grouped.append([item])
+        else:
+            group.append(item)
+    return grouped

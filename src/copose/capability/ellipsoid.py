@@ -57,21 +57,6 @@ class Ellipsoid:
             raise ValueError("the centre of an ellipsoid must be finite")
         return cls(frozen_array(A.T @ A), frozen_array(c), frozen_array(radii), frozen_array(axes))
 
-    @classmethod
-    def from_gram(cls, gram: ArrayLike, center: ArrayLike | None = None) -> Ellipsoid:
-        """The ellipsoid of G, {a : (a − c)ᵀ G (a − c) ≤ 1}.
-
-        Raises:
-            ValueError: G is not symmetric positive definite.
-        """
-        G = np.asarray(gram, dtype=float)
-        if not np.allclose(G, G.T, rtol=1e-9, atol=0.0):
-            raise ValueError("the Gram matrix of an ellipsoid must be symmetric")
-        try:
-            return cls.from_factor(np.linalg.cholesky(G).T, center)
-        except np.linalg.LinAlgError:
-            raise ValueError("the Gram matrix of an ellipsoid must be positive definite") from None
-
     @property
     def log_volume(self) -> float:
         """−½ log det G + log(volume of the unit ball)."""

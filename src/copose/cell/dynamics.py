@@ -14,6 +14,7 @@ from copose.capability.torque_limits import Demand, Dynamics
 from copose.cell.cell import Cell
 from copose.cell.functions import PostureFunctions
 from copose.kernels import Kernel
+from copose.mechanics import ArmMechanics
 from copose.poses import Array
 from copose.robots import finite_range
 
@@ -81,13 +82,13 @@ class CellDynamics:
         self.limits = tuple(limits)
         self._m, self._b = system.space.m, len(system.space.balance)
         fall = ca.SX.sym("fall", 3)
-        kernels: dict[bytes, Kernel] = {}
-        for arm in system.arms:
-            if arm.arm.fingerprint not in kernels:
-                parts = ca.vec(arm.M.T), ca.vec(arm.J_root.T), arm.weight_torques(fall)
-                kernels[arm.arm.fingerprint] = Kernel(arm.q, fall, ca.vertcat(*parts))
-        self.kernels = tuple(kernels.values())
-        self._arms = tuple(kernels[arm.arm.fingerprint] for arm in system.arms)
+
+        def kernel(arm: ArmMechanics) -> Kernel:
+            parts = ca.vec(arm.M.T), ca.vec(arm.J_root.T), arm.weight_torques(fall)
+            return Kernel(arm.q, fall, ca.vertcat(*parts))
+
+        self._arms = system.by_model(kernel)
+        self.kernels = tuple(dict.fromkeys(self._arms))
         couplings = [system.coupling(i) for i in range(len(system.arms))]
         self._held = PostureFunctions(
             system.parameters,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
@@ -14,6 +15,8 @@ from copose.mechanics.held_object import HeldObject
 from copose.poses import Array
 from copose.problem import Space
 from copose.robots import Arm, finite_range
+
+Built = TypeVar("Built")
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +230,15 @@ class System:
         fall = np.zeros(3) if gravity is None else gravity
         parameters = ca.vertcat(held.parameters, *places["base"], *places["grasp"])
         return cls(space, expressions, grasps, held, fall, parameters)
+
+    def by_model(self, build: Callable[[ArmMechanics], Built]) -> tuple[Built, ...]:
+        """What is built of arms, once for those that move alike; by arm."""
+        built: dict[bytes, Built] = {}
+        models = [mechanics.arm.fingerprint for mechanics in self.arms]
+        for model, mechanics in zip(models, self.arms, strict=True):
+            if model not in built:
+                built[model] = build(mechanics)
+        return tuple(built[model] for model in models)
 
     def numbers(self, thing: Array, arms: Sequence[Arm]) -> Array:
         """The values of `parameters` for an object, see `object_parameters`, and arms."""

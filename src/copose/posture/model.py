@@ -19,7 +19,6 @@ from copose.constraints.clearance import Apart
 from copose.constraints.posture_constraint import PostureConstraint
 from copose.constraints.registry import constraints_of
 from copose.errors import InputError
-from copose.kernels import Kernel
 from copose.measurement.collision import noted, overlap_notes, with_collision
 from copose.measurement.meter import Measurement, Measures, Meter, closure_errors
 from copose.objectives.objective import Objective
@@ -65,12 +64,9 @@ class PostureModel:
         self.feasibility = Feasibility(constraints)
         limited = [self.objective.torque_limited, *(c.torque_limited for c in constraints)]
         self.capacity = CellDynamics(cell, cell.counted_limits) if any(limited) else None
-        models: dict[bytes, ArmKernels] = {}
-        for arm, mechanics in zip(cell.arms, cell.system.arms, strict=True):
-            if arm.fingerprint not in models:
-                models[arm.fingerprint] = ArmKernels.of(mechanics, self.objective.sums)
-        self.arms = tuple(models[arm.fingerprint] for arm in cell.arms)
-        self._placer = KernelInputsBuilder(cell.system, self.objective.sums, self.objective.scales)
+        sums = self.objective.sums
+        self.arms = cell.system.by_model(lambda arm: ArmKernels.of(arm, sums))
+        self._placer = KernelInputsBuilder(cell.system, sums, self.objective.scales)
         self._ruling_out = [_SummedTerms(cell, c.sums) for c in constraints if c.sums is not None]
         self._nominal = None if self.capacity is None else self.capacity.holding(cell)
         numbers = len(self.objective.parameters(self._nominal))
@@ -80,7 +76,7 @@ class PostureModel:
         self._built: dict[tuple[bool, Apart | None], PostureProgram] = {}
         self._looked: float | None = None
         self._kernels = (
-            *(kernel for model in models.values() for kernel in model.all),
+            *(kernel for model in dict.fromkeys(self.arms) for kernel in model.all),
             *(kernel for terms in self._ruling_out for kernel in terms.kernels),
             *self.score.all,
             self._placer.kernel,
@@ -299,12 +295,8 @@ class _SummedTerms:
 
     def __init__(self, cell: Cell, sums: Sums) -> None:
         """Write it down."""
-        models: dict[bytes, Kernel] = {}
-        for mechanics in cell.system.arms:
-            if mechanics.arm.fingerprint not in models:
-                models[mechanics.arm.fingerprint] = terms_kernel(mechanics, sums)
-        self.kernels = tuple(models.values())
-        self.by_arm = tuple(models[arm.fingerprint] for arm in cell.arms)
+        self.by_arm = cell.system.by_model(lambda arm: terms_kernel(arm, sums))
+        self.kernels = tuple(dict.fromkeys(self.by_arm))
         self._placer = KernelInputsBuilder(cell.system, sums, cell.counted_limits)
 
     def ties(self, cell: Cell) -> tuple[Array, ...]:

@@ -22,13 +22,11 @@ def starts(cell: Cell) -> tuple[ArmStart, ...]:
     goals = KernelInputsBuilder(cell.system, objective.sums, objective.scales)(
         cell.parameters
     ).goals
-    kernels: dict[bytes, ArmKernels] = {}
+    kernels: tuple[ArmKernels, ...] = ()
+    if any(arm.start is None for arm in cell.arms):
+        kernels = cell.system.by_model(lambda arm: ArmKernels.of(arm, objective.sums))
     for i, arm in enumerate(cell.arms):
-        q = arm.start
-        if q is None:
-            if arm.fingerprint not in kernels:
-                kernels[arm.fingerprint] = ArmKernels.of(cell.system.arms[i], objective.sums)
-            q = _drawn(cell, kernels[arm.fingerprint], i, goals[i])
+        q = _drawn(cell, kernels[i], i, goals[i]) if arm.start is None else arm.start
         states.append(
             ArmStart(
                 arm=arm,

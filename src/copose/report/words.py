@@ -20,7 +20,9 @@ class ObjectiveWords:
     value: str  # name of its value
     # Name of the quantity whose ratio a gain is; ``{content}`` stands for length, area or volume.
     gain: str
-    stated: str = ""  # name of the number beside an ellipsoid that is the objective itself, if any
+    # Name of the number beside an ellipsoid that is the objective itself, if any; of several, such
+    # as ``acceleration 2``, the least is.
+    stated: str = ""
 
 
 OBJECTIVE_WORDS = {
@@ -28,7 +30,7 @@ OBJECTIVE_WORDS = {
     "task-compatibility": ObjectiveWords("task-compatibility", "weighted acceleration"),
     "worst-direction": ObjectiveWords("worst-direction", "shortest semi-axis"),
     "isotropy": ObjectiveWords("isotropy", "shortest / longest"),
-    "acceleration": ObjectiveWords("acceleration", "acceleration"),
+    "acceleration": ObjectiveWords("acceleration", "acceleration", "acceleration"),
     "payload": ObjectiveWords("payload", "payload", "payload"),
     "all-round": ObjectiveWords("acceleration all round", "acceleration all round",
                                 "residual radius"),

@@ -14,6 +14,7 @@ from copose.robots.files.tree import Tree
 from copose.robots.planar import planar_arm
 from copose.robots.robot import RobotsRead, read_robot
 from copose.robots.robot_on_base import RobotOnBase
+from copose.selection import groups
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,22 +59,15 @@ def whole_robots(problem: Problem) -> tuple[WholeRobot, ...]:
     Raises:
         InputError: a robot cannot be read, or two arms do not move independently.
     """
-    teams: list[list[_Part]] = []
     with blamed_on(problem.source):
         parts = _parts(problem)
-    for part in parts:
-        team = next((team for team in teams if team[0].whole.same(part.whole)), None)
-        if team is None:
-            teams.append([part])
-        else:
-            team.append(part)
     return tuple(
         WholeRobot(
             tree=team[0].tree,
             arms=tuple(part.arm for part in team),
             locked={name: at for part in team for name, at in part.spec.locked.items()},
         )
-        for team in teams
+        for team in groups(parts, lambda first, part: first.whole.same(part.whole))
     )
 
 

@@ -87,7 +87,9 @@ def draft(robots: Sequence[str], file: Path, wishes: Wishes) -> Draft:
     else:
         stage("choosing grasps")
         placed = cell.with_places(cell.problem, standing)
-        holding = choose(placed, _kernels(cell), hands, places(stands, by_robot), size)
+        sums = objective_of(cell).sums
+        kernels = cell.system.by_model(lambda arm: ArmKernels.of(arm, sums))
+        holding = choose(placed, kernels, hands, places(stands, by_robot), size)
     file_text = Writer(entries, arms, standing, hands, holding, stands, by_robot)
     text = file_text.write(cell, wishes, default_name(robots), size, shortest, taught is not None)
     made = _read(tomllib.loads(text.text), file)
@@ -154,16 +156,6 @@ def _cell(entries: Sequence[RobotEntry], arms: Sequence[NamedArm], space: str, f
     )
     at_origin = tuple(replace(arm, base=Pose.from_rpy()) for arm in cell.arms)
     return cell.with_places(cell.problem, at_origin)
-
-
-def _kernels(cell: Cell) -> list[ArmKernels]:
-    """Kernels by arm, the same for arms of one model."""
-    sums = objective_of(cell).sums
-    known: dict[bytes, ArmKernels] = {}
-    for arm, mechanics in zip(cell.arms, cell.system.arms, strict=True):
-        if arm.fingerprint not in known:
-            known[arm.fingerprint] = ArmKernels.of(mechanics, sums)
-    return [known[arm.fingerprint] for arm in cell.arms]
 
 
 def _box(shortest: float, options: GuessedBox) -> Array:

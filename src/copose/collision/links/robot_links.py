@@ -20,6 +20,7 @@ from copose.robots.chain_arm import joint_faults
 from copose.robots.files.tree import Tree
 from copose.robots.robot import Robot, RobotsRead, read_robot
 from copose.robots.robot_on_base import coincide
+from copose.selection import groups
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +56,6 @@ class _Team:
     def tree(self) -> Tree:
         """Links and joints of its file."""
         return self.robot.tree
-
-    def takes(self, tree: Tree, member: _Member) -> bool:
-        """True for an arm of this robot."""
-        return self.tree.source == tree.source and coincide(self.members[0].origin, member.origin)
 
     def places(self, links: Collection[str]) -> dict[str, tuple[str, Carrier, Pose]]:
         """The arm's name, the carrier and the pose in the carrier's frame of some links; static
@@ -184,18 +181,20 @@ def _teams(problem: Problem, arms: Sequence[Arm]) -> list[_Team]:
     """
     folder = problem.source.parent if problem.source is not None else Path()
     robots: RobotsRead = {}
-    teams: list[_Team] = []
+    parts: list[tuple[Robot, _Member]] = []
     for i, (spec, arm) in enumerate(zip(problem.arms, arms, strict=True)):
         if not isinstance(spec, RobotArm):
             continue
         robot = read_robot(spec, folder, arm_key(i, arm.name), robots)
-        member = _Member.of(i, spec, arm, robot.tree)
-        team = next((team for team in teams if team.takes(robot.tree, member)), None)
-        if team is None:
-            team = _Team(robot, [])
-            teams.append(team)
-        team.members.append(member)
-    return teams
+        parts.append((robot, _Member.of(i, spec, arm, robot.tree)))
+    teams = groups(parts, _one_robot)
+    return [_Team(team[0][0], [member for _, member in team]) for team in teams]
+
+
+def _one_robot(one: tuple[Robot, _Member], other: tuple[Robot, _Member]) -> bool:
+    """True for two arms, each with its robot's file, of one robot."""
+    same = one[0].tree.source == other[0].tree.source
+    return same and coincide(one[1].origin, other[1].origin)
 
 
 def large_links(problem: Problem) -> tuple[str, ...]:

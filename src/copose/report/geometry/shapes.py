@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -13,19 +14,12 @@ from copose.problem import CapsuleShape, Shape
 
 def faces(shape: Shape | CapsuleShape, position: Sequence[float], rotation: Array) -> list[Array]:
     """The surface of a shape in space, faces of (k, 3) corners."""
-    return [np.array(position) + face @ rotation.T for face in _faces(shape)]
+    return [np.array(position) + face @ rotation.T for face in _FACES[shape.kind](shape)]
 
 
 def outline(shape: Shape, position: Sequence[float], angle: float) -> Array:
     """The corners of a shape in the plane, (k, 2)."""
-    center = np.array(position)
-    if shape.kind == "disk":
-        around = np.linspace(0, 2 * np.pi, 90)
-        return np.asarray(center + shape.radius * np.column_stack([np.cos(around), np.sin(around)]))
-    assert shape.kind == "box", "the plane has disks and boxes"
-    half = np.array(shape.size[:2]) / 2
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
-    return np.asarray(center + corners @ turn(angle).T)
+    return np.asarray(np.array(position) + _OUTLINES[shape.kind](shape, angle))
 
 
 def turn(angle: float) -> Array:
@@ -51,35 +45,6 @@ def cut(corners: Array, low: Array, high: Array) -> Array:
     return corners
 
 
-def _faces(shape: Shape | CapsuleShape) -> list[Array]:
-    """The surface of a shape in its own frame."""
-    if shape.kind == "box":
-        return _box(np.array(shape.size) / 2)
-    if shape.kind == "sphere":
-        polar = np.linspace(0, np.pi, 7)
-        return _tube(shape.radius * np.sin(polar), shape.radius * np.cos(polar))
-    assert shape.kind != "disk", "disks are of the plane"
-    length = shape.length / 2
-    if shape.kind == "capsule":
-        cap = np.linspace(0, np.pi / 2, 4)
-        radii, heights = shape.radius * np.sin(cap), length + shape.radius * np.cos(cap)
-        return _tube(np.append(radii, radii[::-1]), np.append(heights, -heights[::-1]))
-    return _tube(
-        np.array([0.0, shape.radius, shape.radius, 0.0]),
-        np.array([-length, -length, length, length]),
-    )
-
-
-def _box(half: Array) -> list[Array]:
-    """The six faces of a box, by half of its size, (3,)."""
-    boxed = []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], dtype=float)
-            boxed.append(np.insert(corners, axis, sign, axis=1) * half)
-    return boxed
-
-
 def _tube(radii: Array, heights: Array) -> list[Array]:
     """A surface of revolution about z, as quadrilaterals."""
     angle = np.linspace(0, 2 * np.pi, 17)
@@ -89,3 +54,48 @@ def _tube(radii: Array, heights: Array) -> list[Array]:
         for a, b in pairwise(ring):
             around.append(np.array([[*a * r0, z0], [*b * r0, z0], [*b * r1, z1], [*a * r1, z1]]))
     return around
+
+
+def _box(shape: Any) -> list[Array]:
+    """The six faces of a box."""
+    boxed, half = [], np.array(shape.size) / 2
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], dtype=float)
+            boxed.append(np.insert(corners, axis, sign, axis=1) * half)
+    return boxed
+
+
+def _sphere(shape: Any) -> list[Array]:
+    polar = np.linspace(0, np.pi, 7)
+    return _tube(shape.radius * np.sin(polar), shape.radius * np.cos(polar))
+
+
+def _capsule(shape: Any) -> list[Array]:
+    cap, length = np.linspace(0, np.pi / 2, 4), shape.length / 2
+    radii, heights = shape.radius * np.sin(cap), length + shape.radius * np.cos(cap)
+    return _tube(np.append(radii, radii[::-1]), np.append(heights, -heights[::-1]))
+
+
+def _cylinder(shape: Any) -> list[Array]:
+    radius, length = shape.radius, shape.length / 2
+    return _tube(np.array([0.0, radius, radius, 0.0]), np.array([-1, -1, 1, 1]) * length)
+
+
+def _rectangle(shape: Any, angle: float) -> Array:
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (np.array(shape.size[:2]) / 2)
+    return np.asarray(corners @ turn(angle).T)
+
+
+def _disk(shape: Any, angle: float) -> Array:
+    around = np.linspace(0, 2 * np.pi, 90)
+    return np.asarray(shape.radius * np.column_stack([np.cos(around), np.sin(around)]))
+
+
+_FACES: dict[str, Callable[[Any], list[Array]]] = {
+    "box": _box,
+    "sphere": _sphere,
+    "capsule": _capsule,
+    "cylinder": _cylinder,
+}
+_OUTLINES: dict[str, Callable[[Any, float], Array]] = {"box": _rectangle, "disk": _disk}

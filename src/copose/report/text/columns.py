@@ -25,6 +25,11 @@ def status_line(answer: Answer) -> Text:
     return heading(answer.problem.name, said)
 
 
+def answer_page(answer: Answer, tables: Iterable[RenderableType], evidence: Iterable[str]) -> Group:
+    """A result: its status, its tables, its notes, and lines on how it was found."""
+    return sections([status_line(answer), *tables, *note_lines(answer.notes), *map(Text, evidence)])
+
+
 def sections(parts: Iterable[RenderableType]) -> Group:
     """Lines and tables one below the other, an empty line before and after every table."""
     stacked: list[RenderableType] = []

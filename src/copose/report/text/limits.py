@@ -25,9 +25,13 @@ def limit_values(solution: Solution, posture: Posture) -> dict[str, tuple[float,
         radii = [(exact.axes, exact.residual_radius) for exact in posture.exact_sets.values()]
     for axes, radius in radii:
         if radius is not None:
-            kind = "angular" if axes[0] in ANGULAR_AXES else "linear"
-            values[f"residual radius, {kind}"] = radius, acceleration_unit(axes)
+            values[f"residual radius, {_axes_kind(axes)}"] = radius, acceleration_unit(axes)
     return values
+
+
+def _axes_kind(axes: Sequence[str]) -> str:
+    """The kind of accelerations along some axes: angular or linear."""
+    return "angular" if axes[0] in ANGULAR_AXES else "linear"
 
 
 def limit_rows(solution: Solution) -> Iterator[tuple[str, str, str, str]]:
@@ -121,17 +125,13 @@ def _reaches(share: float, limit: float) -> bool:
 
 def _deciding(solution: Solution, posture: Posture) -> str:
     """The name of the extreme whose value the objective is; empty where there is none."""
-    kind, records = solution.objective.kind, posture.accelerations or ()
-    if kind == "payload":
-        return kind
-    if kind == "all-round":
-        angular = solution.problem.axes[0] in ANGULAR_AXES
-        return f"residual radius, {'angular' if angular else 'linear'}"
-    if kind != "acceleration":
+    stated, records = objective_words(solution).stated, posture.accelerations or ()
+    if not stated:
         return ""
-    values = {f"{kind} {k + 1}": record.value for k, record in enumerate(records)}
-    own = [name for name in (kind, *values) if name in (posture.torque_shares or {})]
-    return min(own, key=lambda name: values.get(name) or 0.0, default="")
+    values = {f"{stated} {k + 1}": record.value for k, record in enumerate(records)}
+    names = stated, f"{stated}, {_axes_kind(solution.problem.axes)}", *values
+    stating = [name for name in names if name in (posture.torque_shares or {})]
+    return min(stating, key=lambda name: values.get(name) or 0.0, default="")
 
 
 def joints_table(solution: Solution) -> Table:

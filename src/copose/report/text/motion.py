@@ -6,17 +6,14 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from rich.console import RenderableType
-from rich.text import Text
 
 from copose.problem import SPACES
 from copose.report.limit_use import limit_shares
 from copose.report.numbers import percent, six, three
 from copose.report.text.columns import (
+    answer_page,
     counted,
     lines,
-    note_lines,
-    sections,
-    status_line,
     table,
     timing_line,
 )
@@ -37,15 +34,14 @@ def motion_table(motion: Motion, *, verbose: bool = False) -> RenderableType:
         motion: the result.
         verbose: whether to list what was searched and how long it took.
     """
-    parts: list[RenderableType] = [status_line(motion)]
+    tables: list[RenderableType] = []
     if motion.knots is not None:
-        parts.append(table(("", "least-norm", "planned", ""), _objective(motion)))
-        parts += [
+        tables = [
+            table(("", "least-norm", "planned", ""), _objective(motion)),
             *lines([*_unmoved(motion), *_limits(motion)]),
             table(("motion", "planned", ""), _course(motion)),
         ]
-    parts += [*note_lines(motion.notes), *map(Text, _evidence(motion, verbose))]
-    return sections(parts)
+    return answer_page(motion, tables, _evidence(motion, verbose))
 
 
 def _objective(motion: Motion) -> Iterator[tuple[str, str, str, str]]:

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rich.console import RenderableType
-from rich.text import Text
 
 from copose.problem import SPACES
 from copose.report.numbers import six
 from copose.report.text.columns import (
+    answer_page,
     counted,
     lines,
-    note_lines,
-    sections,
-    status_line,
     table,
     times,
     timing_line,
@@ -41,13 +38,12 @@ def solution_table(solution: Solution, *, verbose: bool = False) -> RenderableTy
         solution: the result.
         verbose: whether to list what was searched and how long it took.
     """
-    parts: list[RenderableType] = [status_line(solution)]
+    tables: list[RenderableType] = []
     if solution.after is not None:
-        parts += _posture(solution)
+        tables += _posture(solution)
     elif solution.cases:
-        parts += [*case_tables(solution), *free_tables(solution)]
-    parts += [*note_lines(solution.notes), *map(Text, _evidence(solution, verbose))]
-    return sections(parts)
+        tables += [*case_tables(solution), *free_tables(solution)]
+    return answer_page(solution, tables, _evidence(solution, verbose))
 
 
 def _posture(solution: Solution) -> Iterator[RenderableType]:
