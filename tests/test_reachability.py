@@ -136,9 +136,9 @@ def asked(machinery, setting, start, end) -> bool | None:
 def test_every_tangent_of_a_followed_curve_is_one() -> None:
     lengths, distance = (0.4, 0.3, 0.35), 0.6
     machinery, setting = ready(three_links(lengths, distance))
-    rails = manifold_of(machinery, setting, [0])
-    curve = follow(rails, elbows(lengths, distance, np.array([0.3]), 1.0))[0]
-    _, J = rails.kernels.residual(curve.points, rails.goals[0])
+    manifold = manifold_of(machinery, setting, [0])
+    curve = follow(manifold, elbows(lengths, distance, np.array([0.3]), 1.0))[0]
+    _, J = manifold.kernels.residual(curve.points, manifold.goals[0])
     assert len(curve.points) > 20
     assert np.abs(np.einsum("kmn,kn->km", J, curve.tangents)).max() < 1e-9
 

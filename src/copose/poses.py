@@ -167,8 +167,8 @@ class Pose:
             turn: ``yaw``, about A's z axis; ``twist``, about B's own.
         """
         about = Pose.from_rpy(rpy=(0.0, 0.0, offsets.get(turn, 0.0)))
-        here = Pose.make(np.zeros(3), self.rotation, self.quaternion)
-        turned = about @ here if turn == "yaw" else here @ about
+        rotation_alone = Pose.make(np.zeros(3), self.rotation, self.quaternion)
+        turned = about @ rotation_alone if turn == "yaw" else rotation_alone @ about
         shift = [offsets.get(name, 0.0) for name in "xyz"]
         return Pose.make(self.position + shift, turned.rotation, turned.quaternion)
 

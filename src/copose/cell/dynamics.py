@@ -166,8 +166,8 @@ class CellDynamics:
         They are ``bounded`` where contact wrenches have limits.
         """
         parts = []
-        for kernel, fall, mine in zip(self._arms, holding.falls, q, strict=True):
-            parts.append(_parts(kernel(mine, fall), mine.shape[1], self._m))
+        for kernel, fall, q_arm in zip(self._arms, holding.falls, q, strict=True):
+            parts.append(_parts(kernel(q_arm, fall), q_arm.shape[1], self._m))
         M, J, g = zip(*parts, strict=True)
         bounds = self.bounds if bounded else self.bounds.none
         return Dynamics(M, J, g, holding.motion, holding.balance, self.limits, bounds)

@@ -137,10 +137,10 @@ class Places:
         def slope(free: Array) -> Array:
             rows = []
             for k, (x, n) in enumerate(zip(self.parted(free), given, strict=True)):
-                mine = np.array(self._fixed(x, n)[1])
-                whole = np.zeros((len(mine), self.size))
-                whole[:, own * k : own * (k + 1)] = mine[:, :own]
-                whole[:, own * len(given) :] = mine[:, own:]
+                slopes = np.array(self._fixed(x, n)[1])
+                whole = np.zeros((len(slopes), self.size))
+                whole[:, own * k : own * (k + 1)] = slopes[:, :own]
+                whole[:, own * len(given) :] = slopes[:, own:]
                 rows.append(whole)
             return np.vstack(rows)
 

@@ -63,7 +63,7 @@ class TorqueLimitReport:
         None where no contact wrenches hold the object.
         """
         holding = self.capacity.holding(cell)
-        extreme = self.capacity.dynamics(holding, [mine[None] for mine in q]).hold(holding.hold)
+        extreme = self.capacity.dynamics(holding, [q_arm[None] for q_arm in q]).hold(holding.hold)
         return None if extreme is None else shares_of(cell, self.capacity, extreme)
 
     def _with_objective(self, cell: Cell, q: Sequence[Array]) -> Allowances:

@@ -64,7 +64,7 @@ class AllRound(TorqueLimited):
         """The distance of the nearest facet of the exact set."""
         values = []
         for row in range(len(q[0])):
-            exact = self._exact_set(context, [mine[row] for mine in q])
+            exact = self._exact_set(context, [q_arm[row] for q_arm in q])
             values.append(np.nan if exact is None else exact.residual_radius)
         return np.array(values)
 
@@ -76,7 +76,7 @@ class AllRound(TorqueLimited):
         """Along the normals of the facets next to rest, as many as the program has demands."""
         cuts = []
         for k in range(len(q[0])):
-            normals, _ = self._facets(context, [mine[k] for mine in q])
+            normals, _ = self._facets(context, [q_arm[k] for q_arm in q])
             distinct = _distinct(normals, self.programmed, self._options.same_normal)
             directions = np.array([*distinct, *self.few][: self.programmed])
             cuts.append(self.along(context.loaded[1], directions))
@@ -88,7 +88,7 @@ class AllRound(TorqueLimited):
         same = dynamics.taken(np.zeros(len(cuts), dtype=np.intp))
         reached = same.farthest(Demand.each(cuts))
         lowest = reached.min()
-        normals, depths = self._facets(context, [mine[0] for mine in q])
+        normals, depths = self._facets(context, [q_arm[0] for q_arm in q])
         nearer = depths < lowest - self._options.nearer * (1 + abs(lowest))
         if not np.isfinite(lowest) or not nearer.any():
             return None

@@ -122,7 +122,7 @@ class TorqueLimited(Objective):
         count, many = len(cuts), len(cuts[0])
         dynamics = self._dynamics(context, q)
         every = dynamics.taken(np.repeat(np.arange(count), many))
-        demand = Demand.each([demand for some in cuts for demand in some])
+        demand = Demand.each([demand for demands in cuts for demand in demands])
         # With a tenth of the torque limits left, or else with all of them used.
         inside = np.column_stack(every.inside(demand, 0.9))
         lost = ~np.isfinite(inside[:, 0])

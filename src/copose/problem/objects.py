@@ -131,9 +131,9 @@ class Oriented(Spec):
                 raise PydanticCustomError(
                     "copose", "rpy and quaternion exclude each other; leave out one of them"
                 )
-            there = Pose.from_quaternion((0.0, 0.0, 0.0), self.quaternion)
+            pose = Pose.from_quaternion((0.0, 0.0, 0.0), self.quaternion)
             # Frozen from here on.
-            self.__dict__.update(rpy=tuple(there.rpy.tolist()), quaternion=None)
+            self.__dict__.update(rpy=tuple(pose.rpy.tolist()), quaternion=None)
         return self
 
 

@@ -241,8 +241,8 @@ class Problem(Displayed, Spec):
         """Refuse a direction of the file that does not fit the axes."""
         m, a = self.space.m, len(self.axes)
         if len(direction) not in (m, a):
-            wanted = f"{m}" if a == m else f"{m} or {a}"
-            raise fault(key, f"has {len(direction)} entries; {wanted} are needed")
+            sizes = f"{m}" if a == m else f"{m} or {a}"
+            raise fault(key, f"has {len(direction)} entries; {sizes} are needed")
         if len(direction) == m and a < m:
             outside = [c for i, c in enumerate(self.space.coordinates) if i not in self.axes]
             if any(direction[self.space.coordinates.index(c)] != 0 for c in outside):

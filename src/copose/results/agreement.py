@@ -55,7 +55,9 @@ def _solution(solution: Solution) -> Iterator[str]:
     answers = [solution.after is not None, cases is not None]
     if sum(answers) != (solution.status == "solved") or cases == ():
         yield "status: does not go with after"
-    if any(not set(these) <= set(names.get(arm, ())) for arm, these in solution.unlimited.items()):
+    if any(
+        not set(joints) <= set(names.get(arm, ())) for arm, joints in solution.unlimited.items()
+    ):
         yield "unlimited: not joints that joint_names lists"
     if solution.limits and _counts(solution.limits) != _counts(names):
         yield "limits: not those of the joints that joint_names lists"

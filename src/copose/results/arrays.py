@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def q_names(answer: Solution | Motion) -> tuple[str, ...]:
     """``arm/joint`` of every joint, arms in file order, joints root to tip."""
-    return tuple(f"{arm}/{joint}" for arm, mine in answer.joint_names.items() for joint in mine)
+    return tuple(f"{arm}/{joint}" for arm, names in answer.joint_names.items() for joint in names)
 
 
 def stacked(parts: dict[str, tuple[float, ...]]) -> Array:

@@ -47,11 +47,11 @@ class RobotOnBase:
                 f"both hang on {', '.join(moved)}, and so are not independent; lock in both, where "
                 f"you want: locked = {{ {locked} }}"
             )
-        for joint, (own, others) in common.items():
-            if own != others:
+        for joint, (position, other_position) in common.items():
+            if position != other_position:
                 return (
-                    f"hold joint {joint!r} at different positions, {own:g} and {others:g}; lock it "
-                    "at one"
+                    f"hold joint {joint!r} at different positions, {position:g} and "
+                    f"{other_position:g}; lock it at one"
                 )
         return None
 

@@ -66,7 +66,9 @@ class ClosureManifold:
         turning = self.unlimited
         return np.hstack([np.where(turning, np.cos(q), q), np.where(turning, np.sin(q), 0.0)])
 
-    def step(self, q: Array, tangent: Array, length: Array, bend: Array, tolerance: float) -> Step:
+    def step(
+        self, q: Array, tangent: Array, length: Array, bend: Array, tolerance: float
+    ) -> CurveStep:
         """A step along curves: predicted by tangents, corrected in the planes across them.
 
         Args:
@@ -95,11 +97,11 @@ class ClosureManifold:
             ends[again] = correcting(rows[again], self.goals[again])
             closed = ends[:, 2 * n + 1] < tolerance
         J = ends[:, 2 * n + 2 :].reshape(-1, m, n)
-        return Step(ends[:, :n], ends[:, n : 2 * n], ends[:, 2 * n], J, closed)
+        return CurveStep(ends[:, :n], ends[:, n : 2 * n], ends[:, 2 * n], J, closed)
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class CurveStep:
     """Ends of steps along curves of closed postures."""
 
     q: Array  # postures, (k, n)
@@ -108,9 +110,9 @@ class Step:
     J: Array  # derivatives of the closure, (k, m, n)
     closed: Mask  # which are closed, (k,)
 
-    def taken(self, rows: Mask) -> Step:
+    def taken(self, rows: Mask) -> CurveStep:
         """Some of the steps."""
-        return Step(
+        return CurveStep(
             self.q[rows], self.tangent[rows], self.cosine[rows], self.J[rows], self.closed[rows]
         )
 

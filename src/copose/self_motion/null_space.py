@@ -36,32 +36,32 @@ class NullMotion:
     amount: float
 
 
-def null_basis(rails: ClosureManifold, q: Array, nearest: Array | None = None) -> Array:
+def null_basis(manifold: ClosureManifold, q: Array, nearest: Array | None = None) -> Array:
     """An orthonormal basis of an arm's null space while it holds the object, as rows, (d, n).
 
     Of all such bases it is the one nearest to given rows (the orthogonal Procrustes problem), so
     that it does not turn needlessly from posture to posture.
 
     Args:
-        rails: of the arm.
+        manifold: of the arm.
         q: its posture, (n,).
         nearest: rows, (d, n); without them those of the posture in the middle of the joint limits,
             so that without a history the basis is a function of the posture.
     """
-    _, J = rails.kernels.residual(q[None], rails.goals)
-    null = np.linalg.svd(J[0])[2][rails.kernels.m :]
+    _, J = manifold.kernels.residual(q[None], manifold.goals)
+    null = np.linalg.svd(J[0])[2][manifold.kernels.m :]
     if nearest is None:
-        limited = np.isfinite(rails.lower[0]) & np.isfinite(rails.upper[0])
+        limited = np.isfinite(manifold.lower[0]) & np.isfinite(manifold.upper[0])
         middle = np.zeros(len(q))
-        middle[limited] = (rails.lower[0, limited] + rails.upper[0, limited]) / 2
-        _, J_middle = rails.kernels.residual(middle[None], rails.goals)
-        nearest = np.linalg.svd(J_middle[0])[2][rails.kernels.m :]
+        middle[limited] = (manifold.lower[0, limited] + manifold.upper[0, limited]) / 2
+        _, J_middle = manifold.kernels.residual(middle[None], manifold.goals)
+        nearest = np.linalg.svd(J_middle[0])[2][manifold.kernels.m :]
     U, _, Vt = np.linalg.svd(nearest @ null.T)
     return np.asarray(U @ Vt @ null)
 
 
 def null_motion(
-    rails: ClosureManifold,
+    manifold: ClosureManifold,
     q: Array,
     number: int,
     amount: float,
@@ -74,7 +74,7 @@ def null_motion(
     where a joint meets its limit the others go on as long as they make progress.
 
     Args:
-        rails: of the arm, with its limits.
+        manifold: of the arm, with its limits.
         q: its closed posture, (n,).
         number: of the direction among the rows of the basis.
         amount: distance, rad (or m); the other way if negative.
@@ -82,13 +82,15 @@ def null_motion(
         options: of the steps.
     """
     way, left, done = np.sign(amount), abs(amount), 0.0
-    lower, upper = np.minimum(rails.lower[0], q), np.maximum(rails.upper[0], q)
+    lower, upper = np.minimum(manifold.lower[0], q), np.maximum(manifold.upper[0], q)
     while left > 0:
         step = min(left, options.longest)
         t = way * basis[number]
-        ends, gaps = project(rails.kernels, (q + step * t)[None], rails.goals[0], lower, upper)
+        ends, gaps = project(
+            manifold.kernels, (q + step * t)[None], manifold.goals[0], lower, upper
+        )
         if not gaps[0] <= CLOSED or (ends[0] - q) @ t < options.progress * step:
             break
         q, left, done = ends[0], left - step, done + step
-        basis = null_basis(rails, q, basis)
+        basis = null_basis(manifold, q, basis)
     return NullMotion(q, basis, float(way * done))

@@ -34,12 +34,12 @@ class WalkOptions:
 
 
 def walk(
-    rails: ClosureManifold, q: Array, to: Array, options: WalkOptions = WalkOptions()
+    manifold: ClosureManifold, q: Array, to: Array, options: WalkOptions = WalkOptions()
 ) -> tuple[Mask, list[Array]]:
     """Walks from closed postures to others.
 
     Args:
-        rails: of the arms.
+        manifold: of the arms.
         q: where the walks start, (k, n).
         to: where they head, (k, n).
         options: of the steps.
@@ -57,7 +57,7 @@ def walk(
             break
         known = x[rows]
         # A start beyond limits may only come back.
-        going_on = rails.taken(rows).widened(known)
+        going_on = manifold.taken(rows).widened(known)
         offset = going_on.wrapped(to[rows] - known)
         distance = np.linalg.norm(offset, axis=1)
         last = distance <= length[rows]
@@ -92,10 +92,10 @@ def walk(
     return arrived, trail
 
 
-def _along(rails: ClosureManifold, q: Array, offset: Array, options: WalkOptions) -> Array:
+def _along(manifold: ClosureManifold, q: Array, offset: Array, options: WalkOptions) -> Array:
     """Parts of differences, (k, n), in the tangent spaces, that push no joint through a limit."""
     same = options.same
-    _, J = rails.kernels.residual(q, rails.goals)
+    _, J = manifold.kernels.residual(q, manifold.goals)
     direction = offset
     free = np.ones_like(q)
     for _ in range(q.shape[1]):
@@ -106,8 +106,8 @@ def _along(rails: ClosureManifold, q: Array, offset: Array, options: WalkOptions
         square += (options.damping * size + 1e-100) * np.eye(square.shape[1])
         force = np.linalg.solve(square, open_ @ direction[:, :, None])
         direction = direction - (open_.swapaxes(1, 2) @ force)[:, :, 0]
-        pushed = (q <= rails.lower) & (direction < -same)
-        pushed |= (q >= rails.upper) & (direction > same)
+        pushed = (q <= manifold.lower) & (direction < -same)
+        pushed |= (q >= manifold.upper) & (direction > same)
         if not pushed.any():
             break
         free[pushed] = 0.0
@@ -115,12 +115,12 @@ def _along(rails: ClosureManifold, q: Array, offset: Array, options: WalkOptions
 
 
 def connected(
-    rails: ClosureManifold, nodes: Array, only: int | None = None, attempts: int = 3
+    manifold: ClosureManifold, nodes: Array, only: int | None = None, attempts: int = 3
 ) -> Mask:
     """Closed postures of one arm that walks connect with the first, as a mask, (count,).
 
     Args:
-        rails: of the arm, (1, n).
+        manifold: of the arm, (1, n).
         nodes: the postures, (count, n).
         only: one whose connection ends the search.
         attempts: postures towards which, or from which, each posture walks.
@@ -129,7 +129,7 @@ def connected(
     reached = np.zeros(count, dtype=bool)
     reached[0] = True
     distances = np.linalg.norm(
-        rails.wrapped((nodes[:, None] - nodes[None]).reshape(count * count, -1)), axis=1
+        manifold.wrapped((nodes[:, None] - nodes[None]).reshape(count * count, -1)), axis=1
     ).reshape(count, count)
     tried = np.eye(count, dtype=bool)
     tries = np.zeros(count, dtype=int)
@@ -145,7 +145,7 @@ def connected(
             return reached
         tried[new, nearest] = True
         tries[new] += 1
-        many = rails.many(len(new))
+        many = manifold.many(len(new))
         arrived, _ = walk(many, nodes[new], nodes[nearest])
         back = np.flatnonzero(~arrived)
         if len(back):

@@ -103,14 +103,14 @@ def find_chains(
 
 
 def chain_to(
-    tree: Tree, tip: str, others: Sequence[str] = (), options: ChainOptions = ChainOptions()
+    tree: Tree, tip: str, other_tips: Sequence[str] = (), options: ChainOptions = ChainOptions()
 ) -> ArmChain:
     """The arm that ends in a link.
 
     Args:
         tree: the robot's.
         tip: the link.
-        others: tips of the robot's other arms: joints that they share are locked.
+        other_tips: tips of the robot's other arms: joints that they share are locked.
         options: sizes and words.
 
     Raises:
@@ -118,13 +118,17 @@ def chain_to(
     """
     tree.chain(tree.root, tip)
     ends = [*_Branches(tree, options).ends]
-    ends += [tuple(tree.ancestors(other)) for other in others if other != tip]
+    ends += [tuple(tree.ancestors(other_tip)) for other_tip in other_tips if other_tip != tip]
     above = [joint.name for joint in tree.ancestors(tip)]
     kept: list[set[str]] = [{joint.name for joint in path} for path in ends]
     # The branch that the arm itself is part of shares nothing with it.
     longest = max((sum(name in path for name in above) for path in kept), default=0)
     kept = [path for path in kept if sum(name in path for name in above) < longest]
-    kept += [{joint.name for joint in tree.ancestors(other)} for other in others if other != tip]
+    kept += [
+        {joint.name for joint in tree.ancestors(other_tip)}
+        for other_tip in other_tips
+        if other_tip != tip
+    ]
     shared = {name for name in above if any(name in path for path in kept)}
     return _chain(tree, tip, "as asked", shared, options)
 

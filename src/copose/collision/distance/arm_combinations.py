@@ -59,7 +59,7 @@ class ArmCombinations:
                     i=i,
                     j=j,
                     centres=centres[i][:, a],
-                    others=centres[j][:, b],
+                    other_centres=centres[j][:, b],
                     squares=least[near] ** 2 * (1 + caution),
                     segments=segments[i].of(a),
                     other_segments=segments[j].of(b),

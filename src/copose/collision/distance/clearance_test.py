@@ -67,13 +67,13 @@ class ClearanceTest:
         clear = np.ones(len(x), dtype=np.bool_)
         if not len(pairs) or not len(x):
             return clear
-        others, unsure = pairs, np.zeros(len(x), dtype=np.bool_)
+        by_parts, unsure = pairs, np.zeros(len(x), dtype=np.bool_)
         is_round = self._round.both[pairs]
         if is_round.any():
-            others = pairs[~is_round]
+            by_parts = pairs[~is_round]
             hit, unsure = self._round_verdicts(x, pairs[is_round])
             clear[hit] = False
-        for left, asked in ((clear & unsure, pairs), (clear & ~unsure, others)):
+        for left, asked in ((clear & unsure, pairs), (clear & ~unsure, by_parts)):
             if len(asked) and left.any():
                 clear[left] = self._clear_by_parts(x[left], asked)
         return clear

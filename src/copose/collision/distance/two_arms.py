@@ -28,7 +28,7 @@ class TwoArms:
     i: int  # the first arm
     j: int  # the other
     centres: Array  # of balls round the first arm's solids, m, (count, p, 3)
-    others: Array  # of balls round the other's, m, (count', p, 3)
+    other_centres: Array  # of balls round the other's, m, (count', p, 3)
     squares: Array  # squared distances of centres at which the clearance is kept, m², (p,)
     segments: Segments  # of the first arm's round solids, as the centres
     other_segments: Segments  # of the other's
@@ -56,7 +56,7 @@ class TwoArms:
         for first in range(0, len(rows), self.options.few):
             heed()
             block = slice(first, first + self.options.few)
-            gaps = self.centres[rows[block]] - self.others[columns[block]]
+            gaps = self.centres[rows[block]] - self.other_centres[columns[block]]
             close = np.einsum("kpx,kpx->pk", gaps, gaps) < self.squares[:, None]
             unsure[block], hit[block] = self._of_close(close, rows[block], columns[block])
         return unsure, hit
@@ -66,10 +66,10 @@ class TwoArms:
 
         Squares of distances less what they have to be are products of matrices.
         """
-        shape = len(self.centres), len(self.others)
+        shape = len(self.centres), len(self.other_centres)
         unsure, hit = _none(*shape), _none(*shape)
-        middle = self.others.mean(axis=(0, 1))
-        a, b = self.centres[one] - middle, self.others[other] - middle
+        middle = self.other_centres.mean(axis=(0, 1))
+        a, b = self.centres[one] - middle, self.other_centres[other] - middle
         aa, bb = (np.sum(x**2, axis=2, keepdims=True) for x in (a, b))
         rounding = self.options.rounded * max(float(aa.max()), float(bb.max()))
         limits = self.squares[:, None] + rounding

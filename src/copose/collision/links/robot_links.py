@@ -213,8 +213,8 @@ def _unreadable(team: _Team, shapes: LinkShapes) -> InputError:
     faults = [f"link {link!r}: {why}" for link, why in shapes.faults.items()]
     if shapes.missing:
         # With a package all its links are missing: where it was sought tells more than their names.
-        others = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
-        faults = [f"{faults[0]}{others}; {shapes.missing[0]}"]
+        further = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
+        faults = [f"{faults[0]}{further}; {shapes.missing[0]}"]
     return InputError(
         f"collision needs shapes of {team.tree.file.name} that cannot be read: {together(faults)}",
         key=f"{arm_key(first.number, first.arm.name)}.{first.kind}",

@@ -14,10 +14,10 @@ def add_outputs(parser: argparse.ArgumentParser, files: Sequence[str], figure: s
 
     ``figure`` is the help of ``--figure``.
     """
-    *others, last = files
+    *earlier, last = files
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR",
-        help=f"folder for {', '.join(others)} and {last} (default: the problem's name)",
+        help=f"folder for {', '.join(earlier)} and {last} (default: the problem's name)",
     )  # fmt: skip
     parser.add_argument("--figure", type=Path, metavar="FILE", help=figure)
     add_style(parser)

@@ -32,9 +32,9 @@ class CurveLook:
     top: float = 20.0  # margins, px
     right: float = 4.0
     bottom: float = 30.0
-    beside: float = 34.0  # width of another self-motion beside the curve, px
+    other_width: float = 34.0  # width of another self-motion beside the curve, px
     apart: float = 7.0  # free space before it, px
-    most_beside: float = 0.4  # part of the width that others take at most
+    most_others: float = 0.4  # part of the width that others take at most
     below: float = 0.1  # free space below the allowed values, of their span
     above: float = 0.22  # free space above them
     fallen: float = 0.03  # part of the values that may lie lower: near singularities all fall
@@ -66,13 +66,13 @@ def curve_svg(
     present = curve.present if present is None else present
     if present is not None:
         present = float(np.clip(present, *_wide(curve.window)))
-    others = [other for other in curve.others if other.best is not None]
-    others = others[: int(look.most_beside * width / (look.beside + look.apart))]
-    y = _value_range([curve, *others], look)
+    other_curves = [other for other in curve.others if other.best is not None]
+    other_curves = other_curves[: int(look.most_others * width / (look.other_width + look.apart))]
+    y = _value_range([curve, *other_curves], look)
     marks = ticks(*y, look.ticks)
     left = max(width_of(said) for _, said in marks) + 8
-    beside = len(others) * (look.beside + look.apart)
-    frame = PlotFrame(left, look.top, width - left - beside - look.right,
+    room = len(other_curves) * (look.other_width + look.apart)
+    frame = PlotFrame(left, look.top, width - left - room - look.right,
                   height - look.top - look.bottom, _wide(curve.window), y)  # fmt: skip
     now = _value_at(curve, present) if value is None else value
     if value is None and present == curve.present:
@@ -91,7 +91,7 @@ def curve_svg(
         parts.append(star(frame.across(best[0]), frame.down(best[1]), 7.0))
     if present is not None and now is not None:
         parts.append(dot(frame.across(present), frame.down(float(np.clip(now, *y))), 3.8))
-    parts += _beside(frame, others, look)
+    parts += _other_plots(frame, other_curves, look)
     said = f"{curve.arm}: along its self-motion, {curve.unit_of_length}"
     parts.append(text((frame.left + frame.right) / 2, height - 3, said, "middle"))
     return drawing(width, height, parts, f"objective along the self-motion of {curve.arm}")
@@ -227,12 +227,16 @@ def _cuts(frame: PlotFrame, curve: SelfMotionCurve, look: CurveLook) -> Iterator
         yield upright(place, frame.top + 4, said, "end", 'fill-opacity="0.85"')
 
 
-def _beside(frame: PlotFrame, others: Sequence[SelfMotionCurve], look: CurveLook) -> Iterator[str]:
+def _other_plots(
+    frame: PlotFrame, curves: Sequence[SelfMotionCurve], look: CurveLook
+) -> Iterator[str]:
     """Other self-motions on the same scale of values, small."""
     left = frame.right + look.apart
-    for k, other in enumerate(others):
+    for k, other in enumerate(curves):
         colour = PLOT.others[other.branch % len(PLOT.others)]
-        small = PlotFrame(left, frame.top, look.beside, frame.height, _wide(other.window), frame.y)
+        small = PlotFrame(
+            left, frame.top, look.other_width, frame.height, _wide(other.window), frame.y
+        )
         yield small.rectangle('fill="none" stroke="currentColor" stroke-opacity="0.25"')
         yield from _branch(small, other, colour, 1.6)
         if other.best is not None:
@@ -240,7 +244,7 @@ def _beside(frame: PlotFrame, others: Sequence[SelfMotionCurve], look: CurveLook
             value = float(np.clip(value, *frame.y))
             yield star(small.across(s), small.down(value), 5.0, colour)
         if k == 0:
-            said = "others" if len(others) > 1 else "other"
-            middle = left + (len(others) * (look.beside + look.apart) - look.apart) / 2
+            said = "others" if len(curves) > 1 else "other"
+            middle = left + (len(curves) * (look.other_width + look.apart) - look.apart) / 2
             yield text(middle, frame.bottom + 12, said, "middle")
-        left += look.beside + look.apart
+        left += look.other_width + look.apart

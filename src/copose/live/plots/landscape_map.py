@@ -62,10 +62,10 @@ def map_svg(
         height: height of the drawing, px.
         look: colours and sizes.
     """
-    here = landscape.present
-    if here is not None:
-        present = here[:2] if present is None else present
-        value = here[2] if value is None else value
+    current = landscape.present
+    if current is not None:
+        present = current[:2] if present is None else present
+        value = current[2] if value is None else value
     low, high = _range(landscape, look)
     rows, columns = landscape.rows, landscape.columns
     frame = PlotFrame(look.left, look.top, width - look.left - look.right,

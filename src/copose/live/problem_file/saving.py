@@ -31,9 +31,9 @@ def problem_text(problem: Problem) -> str:
         # The file is gone, or is another one by now.
         return text_of(tables_of(problem))
     for start in (tables, taught(tables, problem.source)):
-        wanted = grafted(start, read, problem)
-        if _parsed(wanted, problem.source) == problem:
-            return text_with(text, wanted)
+        tables = grafted(start, read, problem)
+        if _parsed(tables, problem.source) == problem:
+            return text_with(text, tables)
     return text_of(tables_of(problem))
 
 
@@ -57,9 +57,9 @@ def save_problem(problem: Problem, target: Path, *, overwrite: bool = False) -> 
     _check_place(target, overwrite)
     text = problem_text(problem)
     old = problem.source.parent if problem.source is not None else Path()
-    wanted = _with_paths_from(tables_in(text), old, target.parent)
-    saved = parse(wanted, target)
-    write_file(target, text_with(text, wanted).encode())
+    tables = _with_paths_from(tables_in(text), old, target.parent)
+    saved = parse(tables, target)
+    write_file(target, text_with(text, tables).encode())
     return saved
 
 
@@ -109,11 +109,11 @@ def _path_from(place: Any, old: Path, new: Path) -> Any:
             return place
         whole = old / place
         # Links on the way are followed: the way back goes by real folders.
-        there = whole.parent.resolve() / whole.name
+        real = whole.parent.resolve() / whole.name
     except (OSError, RuntimeError, ValueError):
         # No path at all, which reading the robot will say.
         return place
     try:
-        return Path(os.path.relpath(there, new.resolve())).as_posix()
+        return Path(os.path.relpath(real, new.resolve())).as_posix()
     except ValueError:
-        return there.as_posix()
+        return real.as_posix()

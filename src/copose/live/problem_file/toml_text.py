@@ -82,23 +82,23 @@ def _same(one: Any, other: Any) -> bool:
     return isinstance(one, bool) == isinstance(other, bool) and bool(one == other)
 
 
-def _holds(text: str, wanted: Mapping[str, Any]) -> bool:
-    """True where a text has the wanted values: tomlkit can go wrong with odd files."""
+def _holds(text: str, tables: Mapping[str, Any]) -> bool:
+    """True where a text has the values of tables: tomlkit can go wrong with odd files."""
     try:
-        return _same(tomllib.loads(text), wanted)
+        return _same(tomllib.loads(text), tables)
     except ValueError:
         return False
 
 
-def _merge(node: MutableMapping[str, Any], wanted: Mapping[str, Any], added: list[_Added]) -> None:
-    """Make a table of the document hold the wanted values; new keys are only listed."""
+def _merge(node: MutableMapping[str, Any], tables: Mapping[str, Any], added: list[_Added]) -> None:
+    """Make a table of the document hold the values of tables; new keys are only listed."""
     from tomlkit import TOMLDocument
     from tomlkit.container import OutOfOrderTableProxy
     from tomlkit.items import Table
 
-    for key in [key for key in node if key not in wanted]:
+    for key in [key for key in node if key not in tables]:
         del node[key]
-    for key, value in wanted.items():
+    for key, value in tables.items():
         if key in node:
             if isinstance(node[key], OutOfOrderTableProxy) and isinstance(value, Mapping):
                 # Made anew for each: it forgets what it was made of with the first that goes.

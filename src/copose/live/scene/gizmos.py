@@ -80,10 +80,10 @@ class Gizmo:
             raise InputError(f"{self.kind!r} is none of {', '.join(names)}", key="kind")
         if self.name not in names[self.kind]:
             raise InputError(f"no {self.kind} is called {self.name!r}", key="name")
-        here = place(self.pose(problem), planar=problem.space.planar)
+        current = place(self.pose(problem), planar=problem.space.planar)
         if "quaternion" in given:
-            del here["rpy"]
-        return placement({**here, **given}, planar=problem.space.planar)
+            del current["rpy"]
+        return placement({**current, **given}, planar=problem.space.planar)
 
     def changes(self, problem: Problem, pose: Pose) -> Changes:
         """The changes of a problem where it is dragged to a pose in the world."""

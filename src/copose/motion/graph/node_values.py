@@ -100,7 +100,7 @@ class NodeValues:
             self._pairs[k] = self._light(k, tuple(arms), nothing)
         return self._weighed(k, tuple(arms), nothing, self._pairs[k].copy())
 
-    def beside(self, k: int, arms: tuple[int, ...], nodes: Indices) -> Array:
+    def partial(self, k: int, arms: tuple[int, ...], nodes: Indices) -> Array:
         """Values of all combinations of two arms with certain postures of the others, (count,
         count'), or of one arm, (count, 1).
         """

@@ -27,7 +27,7 @@ class RoadmapOptions:
 
     spacing: float = 0.2  # between postures along a self-motion
     alike: float = 0.02  # distance below which two postures are one
-    beside: float = 1.7  # spacings that a posture may move from where it is carried to,
+    carried_apart: float = 1.7  # spacings that a posture may move from where it is carried to,
     aslant: float = 0.5  # and what part of that off the tangent of the self-motion
     carried: float = 1.0  # most that a posture is carried from one layer to the next
     most: int = 120  # postures of a layer, with one degree of freedom to spare,
@@ -148,8 +148,8 @@ class Roadmap:
             # What is on no curve with it can never be reached.
             return self._grown(start[None], self._options.from_start * self._most)
         q = self._sampled(seed)
-        others = np.abs(self.apart(q, start)).max(axis=1, initial=0.0) > self._options.alike
-        return np.vstack([start[None], q[others]])
+        distinct = np.abs(self.apart(q, start)).max(axis=1, initial=0.0) > self._options.alike
+        return np.vstack([start[None], q[distinct]])
 
     @property
     def count(self) -> int:
@@ -185,7 +185,7 @@ class Roadmap:
     def _grown(self, q: Array, most: int) -> Array:
         """Postures of the first layer that given ones spread to along their self-motions."""
         while len(q) and len(q) < most:
-            added = self._beside(q, 0)
+            added = self._next_to(q, 0)
             if not len(added):
                 break
             q = np.vstack([q, added])
@@ -215,11 +215,11 @@ class Roadmap:
             q = self._thinned(must, carried[closed], distance)
             distance *= options.coarser
         if len(q) and len(q) < room:
-            q = np.vstack([q, self._beside(q, k)])[:room]
+            q = np.vstack([q, self._next_to(q, k)])[:room]
         carried[~closed] = np.nan
         return Layer(q, carried, self._moves(before, carried, q, k))
 
-    def _beside(self, q: Array, k: int) -> Array:
+    def _next_to(self, q: Array, k: int) -> Array:
         """Closed postures a spacing from others, along self-motions, where there are none yet."""
         tangents = self._tangents(q, k)
         steps = self.spacing * np.concatenate([tangents, -tangents], axis=1)
@@ -260,17 +260,17 @@ class Roadmap:
         )
         return np.vstack([known, q[chosen]])
 
-    def _near(self, q: Array, others: Array, distance: float) -> tuple[Indices, Indices]:
-        """Pairs of postures and others within a distance, by number; rows ascend."""
-        rows, columns = np.nonzero(self._squares(q, others) <= distance**2 + self._options.rounded)
-        near = np.linalg.norm(self.apart(q[rows], others[columns]), axis=1) <= distance
+    def _near(self, q: Array, points: Array, distance: float) -> tuple[Indices, Indices]:
+        """Pairs of postures and points within a distance, by number; rows ascend."""
+        rows, columns = np.nonzero(self._squares(q, points) <= distance**2 + self._options.rounded)
+        near = np.linalg.norm(self.apart(q[rows], points[columns]), axis=1) <= distance
         return rows[near], columns[near]
 
-    def _squares(self, q: Array, others: Array) -> Array:
+    def _squares(self, q: Array, points: Array) -> Array:
         """Squared chords between postures, no longer than arcs, (count, count'); rounded, for they
         are products of matrices.
         """
-        one, other = (self._cell.embedded(self._i, x) for x in (q, others))
+        one, other = (self._cell.embedded(self._i, x) for x in (q, points))
         squares = (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2 * one @ other.T
         return np.asarray(squares)
 
@@ -280,7 +280,7 @@ class Roadmap:
         if len(q) == 0 or len(closed) == 0:
             return moves
         # Tangents where something is near.
-        rows, columns = self._near(carried[closed], q, options.beside * self.spacing)
+        rows, columns = self._near(carried[closed], q, options.carried_apart * self.spacing)
         tangents = self._tangents(carried[closed], k)[rows]
         rows = closed[rows]
         offset = self.apart(q[columns], carried[rows])

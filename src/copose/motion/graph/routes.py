@@ -27,7 +27,7 @@ class RouteOptions:
     # Cost of moves that are faster than joints may be, by the excess squared: their routes come
     # after all others, and the program, which has finer knots, may mend them.
     too_fast: float = 1e4
-    beside: float = 1.3  # spacings that the time between layers always allows
+    allowed: float = 1.3  # spacings that the time between layers always allows
     peaked: int = 8  # power of times of moves whose sum stands in for the largest
     drawn: int = 8  # random routes that exchange improves, of more than two arms
     sweeps: int = 8  # of exchange over all arms, at most
@@ -68,7 +68,7 @@ class RouteCost:
         for layer in moves:
             # One spacing is the least that a move beside can be: less time does not rule it out.
             span = max(
-                self.interval, options.beside * roadmap.spacing / float(self.speeds[i].min())
+                self.interval, options.allowed * roadmap.spacing / float(self.speeds[i].min())
             )
             over = np.maximum(layer.pace(self.speeds[i]) / span - 1.0, 0.0)
             fine = layer.length < np.inf
@@ -163,7 +163,7 @@ class RouteFinder:
         """Aggregate − smoothness · S of a route, (layers, K)."""
         alone = (0,)
         values = np.array(
-            [self.values.beside(k, alone, chosen)[chosen[0], 0] for k, chosen in enumerate(nodes)]
+            [self.values.partial(k, alone, chosen)[chosen[0], 0] for k, chosen in enumerate(nodes)]
         )
         moves = [
             layer.costs[a, b]
@@ -287,7 +287,7 @@ class RouteFinder:
                 i, j = (int(x) for x in np.unravel_index(number, promise.shape))
                 if len(routes) == options.beginnings or len(tried) == options.looked_at:
                     break
-                if any(self._beside(arms, (i, j), known, apart) for known in tried):
+                if any(self._alike(arms, (i, j), known, apart) for known in tried):
                     continue
                 tried.append((i, j))
                 held = lattice.only(0, 0, i).only(0, 1, j)
@@ -304,7 +304,7 @@ class RouteFinder:
         weighed = [values / self._count for values in backward.values]
         return Lattice(weighed, backward.one, backward.other).ending
 
-    def _beside(
+    def _alike(
         self, arms: tuple[int, ...], one: tuple[int, ...], other: tuple[int, ...], apart: float
     ) -> bool:
         if one == other:
@@ -360,19 +360,19 @@ class RouteFinder:
 
     def _exchange(self, route: Route, arms: tuple[int, ...]) -> Route:
         """The route with the best ones of some arms, those of the others as they are."""
-        values = [self.values.beside(k, arms, nodes) for k, nodes in enumerate(route.nodes)]
+        values = [self.values.partial(k, arms, nodes) for k, nodes in enumerate(route.nodes)]
         better = self._best_of(arms, values)
         if better is None:
             return route
         nodes = route.nodes.copy()
         nodes[:, list(arms)] = better.nodes
-        others = [
+        costs = [
             layer.costs[a, b]
             for j, moves in enumerate(self._moves)
             if j not in arms
             for layer, a, b in zip(moves, nodes[:-1, j], nodes[1:, j], strict=True)
         ]
-        return Route(nodes, better.worth - float(sum(others)))
+        return Route(nodes, better.worth - float(sum(costs)))
 
     def _best_of(self, arms: tuple[int, ...], values: Sequence[Array]) -> Route | None:
         """The best route of one or two arms; where the motion is closed, back to its beginning."""
@@ -387,6 +387,6 @@ class RouteFinder:
         """The largest difference of a joint in any layer, rad or m."""
         return max(
             float(np.abs(r.apart(layer.q[a], layer.q[b])).max())
-            for r, own, others in zip(self._roadmaps, one.nodes.T, other.nodes.T, strict=True)
-            for layer, a, b in zip(r.layers, own, others, strict=True)
+            for r, own, other_nodes in zip(self._roadmaps, one.nodes.T, other.nodes.T, strict=True)
+            for layer, a, b in zip(r.layers, own, other_nodes, strict=True)
         )

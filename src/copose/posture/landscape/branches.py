@@ -50,13 +50,13 @@ class Branches:
         limits, goal = JointRange.of(setting.cell, i), setting.placement.goals[i]
         alike = [np.array_equal(limits.lower, known.limits.lower)]
         alike += [np.array_equal(limits.upper, known.limits.upper)]
-        alike += [np.array_equal(goal, known.track.rails.goals[0])]
+        alike += [np.array_equal(goal, known.track.manifold.goals[0])]
         if not all(alike):
             return None
         curves = sorted((known, *known.others), key=lambda curve: curve.branch)
         for k, curve in enumerate(curves):
             position = curve.track.place(q)
-            away = curve.track.rails.wrapped(q - curve.track.closed(np.array([position])))
+            away = curve.track.manifold.wrapped(q - curve.track.closed(np.array([position])))
             if np.abs(away).max() < 1e-6:
                 courses = [LimitedCurve(known.track, known.cuts, known.pieces) for known in curves]
                 courses[k], position = courses[k].holding(q)

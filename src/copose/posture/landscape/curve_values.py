@@ -82,8 +82,8 @@ def _valued(
             estimated=slow(model), unit=setting.objective.unit, clear=every, held=every,
         )  # fmt: skip
         curves.append(_along(model, setting, q, i, curve))
-    others = tuple(curve for curve in curves if curve.present is None)
-    return replace(curves[arm_branches.present], others=others)
+    other_curves = tuple(curve for curve in curves if curve.present is None)
+    return replace(curves[arm_branches.present], others=other_curves)
 
 
 def _along(

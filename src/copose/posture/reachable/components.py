@@ -91,8 +91,8 @@ def component(
         curve = follow(manifold, start[None], options=TracingOptions(longest=spacing))[0]
         points, complete = np.vstack([points, curve.points]), curve.complete
     elif not fixed and manifold.spare > 1:
-        others = points[:0] if sample is None else sample
-        nodes = np.vstack([points, others])
+        sampled = points[:0] if sample is None else sample
+        nodes = np.vstack([points, sampled])
         points, complete = nodes[connected(manifold, nodes)], False
     elif not fixed:
         complete = isolated(manifold, start)

@@ -165,8 +165,8 @@ def _excluded(
     of their own, allows none of the arms' combinations, or none of a random choice of so many; and
     whether that is sure.
     """
-    others = [c for c in model.feasibility.constraints if c.judged and not c.torque_limited]
-    if not others:
+    constraints = [c for c in model.feasibility.constraints if c.judged and not c.torque_limited]
+    if not constraints:
         return None
     cell, postures = setting.cell, [sample.closed for sample in outcome.samples]
     q = all_combinations(postures)
@@ -174,7 +174,7 @@ def _excluded(
     if not len(q):
         rng = np.random.default_rng([seed, len(postures), 4])
         q = np.hstack([each[rng.integers(0, len(each), most)] for each in postures])
-    for constraint in others:
+    for constraint in constraints:
         if not constraint.allows(setting, model.split(q)).any():
             return f"no posture that was compared keeps the constraint {constraint.name!r}", sure
     return None

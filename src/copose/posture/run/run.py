@@ -127,7 +127,7 @@ class Run:
 
     def _searched(self, effort: Effort, verify: bool, so_far: _SoFar) -> Solution:
         """The best of everything that a search finds, which is kept in ``so_far`` as it goes."""
-        so_far.outcome = self._found(effort, so_far)
+        so_far.outcome = self._search(effort, so_far)
         heed()
         if not so_far.outcome.closed:
             return self._open(effort, so_far)
@@ -166,7 +166,7 @@ class Run:
             reachable=reached.whole,
         )
 
-    def _found(self, effort: Effort, so_far: _SoFar) -> SearchOutcome:
+    def _search(self, effort: Effort, so_far: _SoFar) -> SearchOutcome:
         """Outcome of a search among all postures, or those that can be reached from the start."""
         if not self.cell.problem.search.reachable:
             return search(self.model, self.setting, self.seed, effort)

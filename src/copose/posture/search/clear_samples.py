@@ -78,10 +78,10 @@ def clear_postures(
             blocked.append(in_the_way(bodies, x, bodies.own(i), every=cell.spare(i) <= 0))
         number = np.cumsum(clear) - 1
         # A neighbour that is gone is none: a posture beside itself changes nothing.
-        others = neighbours(cell, model.arms[i], i, q)[clear]
+        adjacent = neighbours(cell, model.arms[i], i, q)[clear]
         own = np.flatnonzero(clear)[:, None]
         kept.append(q[clear])
-        near.append(number[np.where(clear[others], others, own)])
+        near.append(number[np.where(clear[adjacent], adjacent, own)])
     return Cleared(kept, near, tuple(blocked))
 
 

@@ -150,12 +150,12 @@ def _sifted(
         before = best.copy()
         for row in best:
             for k, count in enumerate(counts):
-                others = np.tile(row, (count, 1))
-                others[:, k] = np.arange(count)
-                worth = scores(others)
+                exchanges = np.tile(row, (count, 1))
+                exchanges[:, k] = np.arange(count)
+                worth = scores(exchanges)
                 order = np.argsort(-worth, kind="stable")
                 order = order[worth[order] > worth[row[k]]][: options.exchanged]
-                fine = order[allowed(others[order])] if len(order) else order
+                fine = order[allowed(exchanges[order])] if len(order) else order
                 if len(fine):
                     row[k] = fine[0]
         seen.append(best.copy())
@@ -194,19 +194,20 @@ def _exchanged(
     seen = chosen[:0]
     for _ in range(options.sweeps):
         before = chosen.copy()
-        for k, mine in enumerate(terms):
+        for k, arm_terms in enumerate(terms):
             # Combinations that differ in this arm alone become the same.
-            others = np.delete(chosen, k, axis=1)
-            distinct, where = np.unique(others, axis=0, return_inverse=True)
+            fixed = np.delete(chosen, k, axis=1)
+            distinct, where = np.unique(fixed, axis=0, return_inverse=True)
             rest = sum(
                 term[column]
                 for term, column in zip(
                     (t for j, t in enumerate(terms) if j != k), distinct.T, strict=True
                 )
             )
-            top = _table(score, given, [np.asarray(rest), mine], options.at_once).argmax(axis=1)
+            both = [np.asarray(rest), arm_terms]
+            top = _table(score, given, both, options.at_once).argmax(axis=1)
             chosen[:, k] = top[where.ravel()]
-            evaluated += len(distinct) * len(mine)
+            evaluated += len(distinct) * len(arm_terms)
         # Not only where the exchanges end: most starts end in the same few combinations.
         seen = np.unique(np.vstack([seen, chosen]), axis=0)
         if np.array_equal(chosen, before):

@@ -142,7 +142,7 @@ class _Point:
 
     def put(self, rows: Indices, other: _Point, chosen: Mask) -> None:
         """Replace some of these starts by chosen ones of another."""
-        for mine, theirs in (
+        for known, new in (
             *zip(self.q, other.q, strict=True),
             *zip(self.held, other.held, strict=True),
             *zip(self.terms, other.terms, strict=True),
@@ -150,7 +150,7 @@ class _Point:
             (self.value, other.value),
             (self.weights, other.weights),
         ):
-            mine[rows] = theirs[chosen]
+            known[rows] = new[chosen]
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,8 +215,8 @@ class Polisher:
         return ends
 
     def _point(self, q: list[Array], held: list[Mask]) -> _Point:
-        terms = [group.terms(mine) for group, mine in zip(self.groups, q, strict=True)]
-        sums = np.asarray(sum(mine.sum(axis=1) for mine in terms) + self.rest)
+        terms = [group.terms(q_group) for group, q_group in zip(self.groups, q, strict=True)]
+        sums = np.asarray(sum(summands.sum(axis=1) for summands in terms) + self.rest)
         both = self.score.slope(sums, self.given)
         return _Point(q, held, terms, sums, both[:, 0].copy(), both[:, 1:])
 
@@ -280,8 +280,8 @@ class Polisher:
         for j, (group, tangent) in enumerate(zip(self.groups, tangents, strict=True)):
             k, (d, n) = len(group.columns), tangent.basis.shape[1:]
             basis = tangent.basis.reshape(count, k, d, n)
-            beside = point.q[j][:, :, None] + h * basis
-            terms, J, slope = group.local(beside, point.weights)
+            displaced = point.q[j][:, :, None] + h * basis
+            terms, J, slope = group.local(displaced, point.weights)
             J = J.reshape(count * k, d, group.kernels.m, n)
             bend = slope.reshape(count * k, d, n) - tangent.slope[:, None]
             bend -= (tangent.forces[:, None, None] @ (J - tangent.J[:, None]))[:, :, 0]
@@ -350,8 +350,8 @@ class Polisher:
                 [q[trying] for q in point.q], [step[trying] for step in direction], reach[trying],
                 [each[trying] for each in held],
             )  # fmt: skip
-            wanted = (point.value + 1e-4 * reach * gain - noise)[trying]
-            good = closed & (trial.value >= wanted)
+            required = (point.value + 1e-4 * reach * gain - noise)[trying]
+            good = closed & (trial.value >= required)
             ahead.put(trying[good], trial, good)
             moved[trying[good]] = True
             trying = trying[~good]
@@ -364,14 +364,14 @@ class Polisher:
         ends, stops, near = [], [], self.options.at_limit
         closed = np.ones(len(reach), dtype=bool)
         for j, group in enumerate(self.groups):
-            there, stop = q[j], held[j]
-            shape, n = there.shape, there.shape[2]
-            guess = there + reach[:, None, None] * direction[j]
+            origin, stop = q[j], held[j]
+            shape, n = origin.shape, origin.shape[2]
+            guess = origin + reach[:, None, None] * direction[j]
             low, high = guess < group.lower + near, guess > group.upper - near
             if low.any() or high.any():
                 guess = np.where(low, group.lower, np.where(high, group.upper, guess))
                 # What a step of full reach brings to its limit stays there.
-                stop = stop | ((low | high) & ~group.stopped(there))
+                stop = stop | ((low | high) & ~group.stopped(origin))
             lower, upper, goals = group.lower, group.upper, group.goals
             if len(reach) > 1:
                 goals = np.tile(goals, (len(reach), 1))

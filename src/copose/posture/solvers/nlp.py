@@ -74,10 +74,10 @@ class LocalSolve:
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """The program to maximise value(q, beside; parameters, numbers) subject to constraints."""
+    """The program to maximise value(q, added; parameters, numbers) subject to constraints."""
 
     q: ca.SX
-    beside: ca.SX
+    added: ca.SX
     parameters: ca.SX
     numbers: ca.SX
     value: ca.SX
@@ -96,13 +96,13 @@ class Given:
     Attributes:
         place: `Cell.parameters`, or `Freedom.numbers` where more than joints is free.
         numbers: of the objective, and what else the program takes.
-        beside: where the variables that torque limits add start.
+        added: where the variables that torque limits add start.
         weight: of a case.
     """
 
     place: Array
     numbers: Array
-    beside: Array = field(default_factory=lambda: np.zeros(0))
+    added: Array = field(default_factory=lambda: np.zeros(0))
     weight: float = 1.0
 
 
@@ -123,11 +123,11 @@ class _Solver:
         take a sixth of the time, and more only where they fail.
         """
         if places is None:
-            moving, beside, given = task.q, task.beside, ca.vertcat(task.parameters, task.numbers)
+            moving, added, given = task.q, task.added, ca.vertcat(task.parameters, task.numbers)
             value, g = task.value, task.stacked
             suffixes = [""]
         else:
-            moving, beside, given, value, g = _laid_out(task, places)
+            moving, added, given, value, g = _laid_out(task, places)
             suffixes = places.suffixes
         constraints = [(c, c.name + suffix) for suffix in suffixes for c in task.constraints]
         edges = np.cumsum([0] + [c.expression.numel() for c, _ in constraints])
@@ -136,11 +136,11 @@ class _Solver:
             for (_, name), start, stop in zip(constraints, edges[:-1], edges[1:], strict=True)
         }
         self.expressions: dict[str, ca.SX] = {
-            "x": ca.vertcat(moving, beside), "p": given, "f": -value, "g": g,
+            "x": ca.vertcat(moving, added), "p": given, "f": -value, "g": g,
         }  # fmt: skip
         self._lower = np.concatenate([c.lower for c, _ in constraints])
         self._upper = np.concatenate([c.upper for c, _ in constraints])
-        self._free = np.full(beside.numel(), np.inf)
+        self._free = np.full(added.numel(), np.inf)
         self._exact_hessian, self._differenced = exact_hessian, moving.numel()
         self._quick: Ipopt | None = None
         if quick and not exact_hessian:
@@ -205,11 +205,11 @@ def _laid_out(task: _Task, places: Places) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, 
     count = len(places.cases)
     one = ca.Function(
         "task",
-        [task.q, task.beside, task.parameters, task.numbers],
+        [task.q, task.added, task.parameters, task.numbers],
         [task.value, task.stacked],
     )
     joints = [ca.SX.sym(f"q_{k}", task.q.numel()) for k in range(count)]
-    beside = [ca.SX.sym(f"beside_{k}", task.beside.numel()) for k in range(count)]
+    added = [ca.SX.sym(f"added_{k}", task.added.numel()) for k in range(count)]
     free = ca.SX.sym("free", places.size)
     given = [ca.SX.sym(f"places_{k}", places.count) for k in range(count)]
     numbers = [ca.SX.sym(f"numbers_{k}", task.numbers.numel()) for k in range(count)]
@@ -217,13 +217,13 @@ def _laid_out(task: _Task, places: Places) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, 
     total, g = ca.SX(0), []
     for k in range(count):
         place = places.moved(places.own(free, k), given[k])
-        value, rows = one(joints[k], beside[k], place, numbers[k])
+        value, rows = one(joints[k], added[k], place, numbers[k])
         total += weights[k] * value
         g.append(rows)
     parameters = [part for pair in zip(given, numbers, strict=True) for part in pair]
     return (
         ca.vertcat(*joints, free),
-        ca.vertcat(*beside),
+        ca.vertcat(*added),
         ca.vertcat(*parameters, weights),
         total,
         ca.vertcat(*g),
@@ -326,11 +326,11 @@ class PostureProgram:
             np.all(np.isfinite(gram)) for gram in self._grams(start, given)
         ):
             return _not_started(start)
-        options, beside = self._options, np.concatenate([case.beside for case in given])
-        near = self._first.run(start, beside, numbers, lower, upper)
+        options, added = self._options, np.concatenate([case.added for case in given])
+        near = self._first.run(start, added, numbers, lower, upper)
         if not near.converged:
             nudge = options.nudge * np.random.default_rng(0).normal(size=len(start))
-            near = self._first.run(start + nudge, beside, numbers, lower, upper)
+            near = self._first.run(start + nudge, added, numbers, lower, upper)
         if self._sharp is None:
             return near
         if near.converged and all(map(self.objective.at_ceiling, self._grams(near.q, given))):
@@ -346,7 +346,7 @@ class PostureProgram:
             extra = [
                 part
                 for case, gram in zip(given, grams, strict=True)
-                for part in (case.beside, self.objective.sharp_start(gram, slack))
+                for part in (case.added, self.objective.sharp_start(gram, slack))
             ]
             end = self._sharp.run(q, np.concatenate(extra), numbers, lower, upper)
             if end.converged:

@@ -58,14 +58,14 @@ class SetPicture:
     @property
     def title(self) -> str:
         """The title: kind, unit, and the ball around rest."""
-        record, others = self.record, "others zero; " if self.others else ""
+        record, zero = self.record, "others zero; " if self.others else ""
         ball = f"ball of radius {three(record.residual_radius)} around rest"
         if not record.vertices:
             ball = "none is within the torque limits"
         elif not record.residual_radius:
             ball = "rest is outside"
         unit = acceleration_unit(record.axes)
-        return f"exact set of {self.name} accelerations, {unit}\n{others}{ball}"
+        return f"exact set of {self.name} accelerations, {unit}\n{zero}{ball}"
 
     @property
     def world(self) -> list[int]:

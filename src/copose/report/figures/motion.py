@@ -27,14 +27,14 @@ class MotionLook:
     foot: float = 0.5  # height below the joints
     apart: float = 1.0  # between charts of joints
     left: float = 0.035  # where the picture begins, as a share of its width
-    beside: int = 4  # charts of joints in a row
+    in_row: int = 4  # charts of joints in a row
     postures: int = 6  # postures that are drawn, the last in full
 
 
 def motion_figure(motion: Motion, look: MotionLook = MotionLook()) -> Figure:
     """Postures along the path, the objective, the use of limits, and every arm's joints."""
     shares, arms = limit_shares(motion), list(motion.joint_names)
-    columns = min(len(arms), look.beside)
+    columns = min(len(arms), look.in_row)
     rows = -(-len(arms) // columns)
     tall = look.head + look.scene + look.joints * rows + look.foot
     figure = Figure(figsize=(look.wide, tall))

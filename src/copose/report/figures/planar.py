@@ -93,7 +93,7 @@ def planar_figure(panels: list[Panel], heading: str, look: PlanarLook = PlanarLo
 
 def _title(panel: Panel) -> str:
     """A panel's title, with the semi-axes of its ellipse and its fastest turn."""
-    first, *others = title(panel).split("\n")
+    first, *following = title(panel).split("\n")
     lines = [first]
     parts = linear_slice, angular_slice
     for word, part, unit in zip(
@@ -103,7 +103,7 @@ def _title(panel: Panel) -> str:
         if drawn is not None and not panel.misses:
             radii = ", ".join(f"{radius:.3g}" for radius in drawn.ellipsoid.radii)
             lines.append(f"{word} {radii} {unit}")
-    return "\n".join([*lines, *others])
+    return "\n".join([*lines, *following])
 
 
 def _draw_legend(figure: Figure, panels: list[Panel], columns: int, *, scaled: bool) -> None:

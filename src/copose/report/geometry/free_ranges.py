@@ -75,10 +75,10 @@ def _box_edges(low: Array, high: Array) -> Array:
     """The edges of a box that have a length, each once, (e, 2, d)."""
     free, edges = [k for k in range(len(low)) if high[k] > low[k]], []
     for axis in free:
-        others = [k for k in free if k != axis]
-        for corner in product(*((low[k], high[k]) for k in others)):
+        other_axes = [k for k in free if k != axis]
+        for corner in product(*((low[k], high[k]) for k in other_axes)):
             edge = np.array([low, low])
-            edge[:, others] = corner
+            edge[:, other_axes] = corner
             edge[1, axis] = high[axis]
             edges.append(edge)
     return np.array(edges).reshape(-1, 2, len(low))

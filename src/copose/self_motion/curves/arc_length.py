@@ -25,7 +25,7 @@ class Track:
     points: Array  # postures at the knots, without jumps by whole turns, (k, n)
     tangents: Array  # of unit length, there, (k, n)
     loop: bool  # whether the last knot is the first again, whole turns apart
-    rails: ClosureManifold  # of the arm, (1, n)
+    manifold: ClosureManifold  # of the arm, (1, n)
 
     @classmethod
     def of(cls, curve: Curve, rigid: bool) -> Track:
@@ -33,16 +33,16 @@ class Track:
         points, tangents = curve.points, curve.tangents
         if curve.loop:
             points, tangents = (np.vstack([x, x[:1]]) for x in (points, tangents))
-        kernels, goal = curve.rails.kernels, curve.rails.goals[0]
+        kernels, goal = curve.manifold.kernels, curve.manifold.goals[0]
         _, J = kernels.residual(points[:1], goal)
         # The error of angles is that of a quaternion, which is another after a turn of a joint.
         side = np.sign(kernels.gap(points[:1], goal)[0, 3]) if rigid else 1.0
         if side * np.linalg.det(np.vstack([J[0], tangents[:1]])) < 0:
             points, tangents = points[::-1], -tangents[::-1]
-        ahead = curve.rails.many(max(1, len(points) - 1)).wrapped(np.diff(points, axis=0))
+        ahead = curve.manifold.many(max(1, len(points) - 1)).wrapped(np.diff(points, axis=0))
         points = points[0] + np.vstack([0 * points[:1], np.cumsum(ahead, axis=0)])
         arcs = np.concatenate([[0.0], np.cumsum(_arcs(ahead, tangents[:-1], tangents[1:]))])
-        return cls(arcs, points, tangents, curve.loop, curve.rails)
+        return cls(arcs, points, tangents, curve.loop, curve.manifold)
 
     @property
     def length(self) -> float:
@@ -75,7 +75,7 @@ class Track:
         free = np.full(self.points.shape[1], np.inf)
         q = self.cubic(s)[0]
         return project(
-            self.rails.kernels, q, self.rails.goals[0], -free, free, steps=6, closed=1e-12
+            self.manifold.kernels, q, self.manifold.goals[0], -free, free, steps=6, closed=1e-12
         )[0]
 
     def resampled(self, s: Array) -> Track:
@@ -83,21 +83,21 @@ class Track:
         points, heading = self.closed(s), self.cubic(s)[1]
         heading /= np.linalg.norm(heading, axis=1, keepdims=True)
         still = np.zeros(len(s)), np.zeros_like(points)
-        tangents = self.rails.many(len(s)).step(points, heading, *still, CLOSED).tangent
+        tangents = self.manifold.many(len(s)).step(points, heading, *still, CLOSED).tangent
         lost = ~np.isfinite(tangents).all(axis=1)
         tangents[lost] = heading[lost]
-        return Track(s - s[0], points, tangents, self.loop, self.rails)
+        return Track(s - s[0], points, tangents, self.loop, self.manifold)
 
     def place(self, q: Array) -> float:
         """The arc length at a posture on the curve, (n,)."""
-        many = self.rails.many(len(self.points))
+        many = self.manifold.many(len(self.points))
         offset = many.wrapped(q - self.points)
         k = int((offset**2).sum(axis=1).argmin())
         s = float(self.positions[k] + offset[k] @ self.tangents[k])
         for _ in range(3):
             s = self.kept(s)
             point, tangent = self.closed(np.array([s])), self.cubic(np.array([s]))[1]
-            s += float(self.rails.wrapped(q - point)[0] @ tangent[0])
+            s += float(self.manifold.wrapped(q - point)[0] @ tangent[0])
         return self.kept(s)
 
     def kept(self, s: float) -> float:

@@ -27,10 +27,10 @@ class TracingOptions:
     aside: float = 0.4  # distance of a step's end from the tangent, over its length, at most
     oriented: bool = True  # whether det [J; tᵀ] has to keep its sign
     same: float = 1e-5  # difference of joints that are the same
-    arc: float = 0.0  # difference of tangents from those of an arc, for fronts to meet unseen
-    beside: float = (
-        1.5  # distance of a posture that may be met, over that along the tangent, at most
-    )
+    # Difference of the tangents of two fronts from those of an arc between them, up to which they
+    # meet without a step.
+    arc: float = 0.0
+    oblique: float = 1.5  # distance of a posture that a step may pass, over that along it, at most
     touching: float = 1e-9  # joint beyond a limit that counts as at it
     unsure: float = 0.5  # error of the estimated depth of a joint's turn, as a part of it
     shallow: float = 1e-8  # depth of a turn that does not matter
@@ -49,20 +49,20 @@ class Curve:
     complete: bool  # whether both ends are at limits, or it is a loop
     met: bool  # whether the target, if any, was met, which ends the search
     stops: tuple[int, ...]  # numbers of the joints whose limits end it
-    rails: ClosureManifold  # of the arm, (1, n)
+    manifold: ClosureManifold  # of the arm, (1, n)
     options: TracingOptions = TracingOptions()  # by which it was traced
 
     @cached_property
     def lengths(self) -> Array:
         """Distances along the tangent from each point to the next, (count,); zero at an end."""
         ahead = np.roll(self.points, -1, axis=0) - self.points
-        along = (self.rails.many(len(ahead)).wrapped(ahead) * self.tangents).sum(axis=1)
+        along = (self.manifold.many(len(ahead)).wrapped(ahead) * self.tangents).sum(axis=1)
         return along if self.loop else np.append(along[:-1], 0.0)
 
     def at(self, rows: Indices, along: Array) -> tuple[Array, Mask]:
         """Postures at some distances after points, (count, n), and which are on the curve."""
         base, tangent = self.points[rows], self.tangents[rows]
-        step = self.rails.many(len(rows)).step(
+        step = self.manifold.many(len(rows)).step(
             base, tangent, along, np.zeros_like(base), self.options.closed_well
         )
         return step.q, step.closed
@@ -70,7 +70,7 @@ class Curve:
     def place(self, q: Array) -> tuple[int, float] | None:
         """The point before a closed posture, (n,), and its distance; None where it is elsewhere."""
         same, aside = self.options.same, self.options.aside
-        offset = self.rails.many(len(self.points)).wrapped(q - self.points)
+        offset = self.manifold.many(len(self.points)).wrapped(q - self.points)
         along = (offset * self.tangents).sum(axis=1)
         near = (along >= -same) & (along <= self.lengths + same)
         near &= (offset**2).sum(axis=1) - along**2 <= (aside * self.lengths + same) ** 2

@@ -48,7 +48,7 @@ class LimitedCurve:
         s = snapped(np.linspace(0.0, track.length, count), [cut.position for cut in cuts])
         track = track.resampled(first + s)
         track = Track(s, _anchored(track.points, limits), track.tangents,
-                      track.loop, track.rails)  # fmt: skip
+                      track.loop, track.manifold)  # fmt: skip
         within = not cuts[0].entering if cuts else bool(limits.inside(track.points[:1])[0])
         return cls(track, cuts, allowed_pieces(track.length, cuts, within))
 
@@ -57,16 +57,16 @@ class LimitedCurve:
         """A key that orders self-motions: the posture in the middle of the longest piece."""
         low, high = max(self.pieces, key=lambda p: p[1] - p[0], default=(0.0, self.track.length))
         middle = self.track.cubic(np.array([(low + high) / 2]))[0][0]
-        turns = np.where(self.track.rails.unlimited[0], np.round(middle / (2 * np.pi)), 0.0)
+        turns = np.where(self.track.manifold.unlimited[0], np.round(middle / (2 * np.pi)), 0.0)
         return tuple((middle - 2 * np.pi * turns).round(3))
 
     def holding(self, q: Array) -> tuple[LimitedCurve, float]:
         """The self-motion in the turns of a posture on it, (n,), and the arc length there."""
         s = self.track.place(q)
         turns = 2 * np.pi * np.round((q - self.track.closed(np.array([s]))[0]) / (2 * np.pi))
-        turns = np.where(self.track.rails.unlimited[0], turns, 0.0)
+        turns = np.where(self.track.manifold.unlimited[0], turns, 0.0)
         old = self.track
-        moved = Track(old.positions, old.points + turns, old.tangents, old.loop, old.rails)
+        moved = Track(old.positions, old.points + turns, old.tangents, old.loop, old.manifold)
         return LimitedCurve(moved, self.cuts, self.pieces), s
 
 

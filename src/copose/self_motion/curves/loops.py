@@ -100,12 +100,12 @@ class Loops:
             Whether there may be more: while no loop has been met just once, random postures hardly
             miss one (I. J. Good, 1953).
         """
-        new = q[self._beside(q) < 0]
+        new = q[self._nearest(q) < 0]
         if len(new) and self._spare:
             self._follow(self._spread(new))
         elif len(new):
             self._keep_apart(new)
-        points = self._beside(q)
+        points = self._nearest(q)
         self._met = np.concatenate([self._met, points[points >= 0]])
         met = np.unique(self._loops[self._met], return_counts=True)[1]
         return len(met) == 0 or bool(met.min() == 1)
@@ -137,7 +137,7 @@ class Loops:
         self._paces = np.concatenate([self._paces, paces])
         self._loops = np.concatenate([self._loops, loops])
 
-    def _beside(self, q: Array) -> Indices:
+    def _nearest(self, q: Array) -> Indices:
         """The number of the point of a loop next to each posture on a loop, −1 of others."""
         if len(self.points) == 0 or len(q) == 0:
             return np.full(len(q), -1)
@@ -163,11 +163,11 @@ class Loops:
         pairs = list[tuple[int, int]]()
         while fronts.advance():
             rows = np.flatnonzero(fronts.going)
-            known = self._beside(fronts.q[rows])
+            known = self._nearest(fronts.q[rows])
             met = known >= 0
             fronts.going[rows[met]] = False
-            own, others = self.count + fronts.seeds[rows[met]], self._loops[known[met]]
-            pairs += zip(own.tolist(), others.tolist(), strict=True)
+            seeded, known_loops = self.count + fronts.seeds[rows[met]], self._loops[known[met]]
+            pairs += zip(seeded.tolist(), known_loops.tolist(), strict=True)
         pairs += [(self.count + one, self.count + other) for one, other in fronts.meetings]
         rows, points, tangents, paces = (
             np.concatenate(part) for part in zip(*fronts.trail, strict=True)

@@ -136,12 +136,14 @@ class SelfMotionCurve:
         within, free = self.within(s)[:, None], np.inf
         lower = np.where(within, self.limits.lower, -free)
         upper = np.where(within, self.limits.upper, free)
-        rails = self.track.rails
-        ends, gaps = project(rails.kernels, q, rails.goals[0], lower, upper, steps=9, closed=1e-13)
+        manifold = self.track.manifold
+        ends, gaps = project(
+            manifold.kernels, q, manifold.goals[0], lower, upper, steps=9, closed=1e-13
+        )
         lost = gaps > CLOSED
         if lost.any():
             open_ = np.full(q.shape[1], free)
-            ends[lost] = project(rails.kernels, q[lost], rails.goals[0], -open_, open_)[0]
+            ends[lost] = project(manifold.kernels, q[lost], manifold.goals[0], -open_, open_)[0]
         return ends
 
     def spaced(self, low: float, high: float, count: int) -> Array:

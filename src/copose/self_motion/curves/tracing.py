@@ -19,12 +19,12 @@ import numpy as np
 
 from copose.poses import Array, Indices, Mask
 from copose.self_motion.curves.curve import Curve, TracingOptions
-from copose.self_motion.manifold import ClosureManifold, Step, null_vectors
+from copose.self_motion.manifold import ClosureManifold, CurveStep, null_vectors
 from copose.self_motion.projection import CLOSED
 
 
 def follow(
-    rails: ClosureManifold,
+    manifold: ClosureManifold,
     q: Array,
     targets: Array | None = None,
     options: TracingOptions | None = None,
@@ -32,12 +32,12 @@ def follow(
     """The self-motions through closed postures, one of each arm.
 
     Args:
-        rails: of the arms.
+        manifold: of the arms.
         q: their postures, (k, n).
         targets: postures, (k, n), at which the trace ends; ends of curves are then not refined.
         options: step lengths and tolerances.
     """
-    fronts = Fronts(rails, q, options or TracingOptions(), apart=True, targets=targets)
+    fronts = Fronts(manifold, q, options or TracingOptions(), apart=True, targets=targets)
     while fronts.advance():
         pass
     ends = fronts.ends() if targets is None else {}
@@ -55,14 +55,14 @@ class Fronts:
         met: seeds whose targets have been met, (k,).
         stops: number of the joint whose limit stops each front, −1 where none does, (2k,).
         q: where they are, (2k, n).
-        rails: of their arms.
+        manifold: of their arms.
         options: step lengths and tolerances.
         trail: by step, numbers of fronts, their postures and tangents, and how far they came.
     """
 
     def __init__(
         self,
-        rails: ClosureManifold,
+        manifold: ClosureManifold,
         q: Array,
         options: TracingOptions,
         *,
@@ -73,7 +73,7 @@ class Fronts:
         """Fronts at closed postures.
 
         Args:
-            rails: of the postures' arms.
+            manifold: of the postures' arms.
             q: the postures, (k, n).
             options: step lengths and tolerances.
             apart: whether each seed has a curve of its own: only its two fronts meet then.
@@ -83,19 +83,21 @@ class Fronts:
         k, n = q.shape
         self.options, self._apart, self._targets, self._longest = options, apart, targets, longest
         self.seeds = np.tile(np.arange(k), 2)
-        self.rails, self.meetings = rails.taken(self.seeds), list[tuple[int, int]]()
-        _, J = rails.kernels.residual(q, rails.goals)
+        self.manifold, self.meetings = manifold.taken(self.seeds), list[tuple[int, int]]()
+        _, J = manifold.kernels.residual(q, manifold.goals)
         tangent = null_vectors(J)
         det = np.linalg.det(np.concatenate([J, tangent[:, None]], axis=1))
-        sound = np.abs(det) > options.singular * np.sqrt((J**2).sum(axis=(1, 2))) ** rails.kernels.m
+        sound = (
+            np.abs(det) > options.singular * np.sqrt((J**2).sum(axis=(1, 2))) ** manifold.kernels.m
+        )
         self.q, self._tangent = q[self.seeds], np.vstack([tangent, -tangent])
-        self._places = self.rails.embedded(self.q)
+        self._places = self.manifold.embedded(self.q)
         self._det, self._bend = np.concatenate([det, -det]), np.zeros((2 * k, n))
         self._length = options.first * self._most(self.q)
         self.going, self.stops = sound[self.seeds], np.full(2 * k, -1)
         self.loops, self.met = np.zeros(k, dtype=bool), np.zeros(k, dtype=bool)
         self.trail = [(np.arange(k), q, tangent, self._length[:k])]
-        self._limited = bool((np.isfinite(rails.lower) | np.isfinite(rails.upper)).any())
+        self._limited = bool((np.isfinite(manifold.lower) | np.isfinite(manifold.upper)).any())
         self._left = options.steps
 
     def advance(self) -> bool:
@@ -103,26 +105,26 @@ class Fronts:
         if not self._left or not self.going.any():
             return False
         self._left -= 1
-        rows, length, aims, others = self._next()
-        rails, q = self.rails.taken(rows), self.q[rows]
+        rows, length, aims, partners = self._next()
+        manifold, q = self.manifold.taken(rows), self.q[rows]
         # Where curves meet there is no tangent: a step that comes to nothing is no step.
         with np.errstate(all="ignore"):
-            step, det, shorter = self._tried(rails, rows, length)
+            step, det, shorter = self._tried(manifold, rows, length)
         on = shorter == length
         self._shorten(rows[~on], shorter[~on])
-        aimed = np.flatnonzero(on & (others != rows))
+        aimed = np.flatnonzero(on & (partners != rows))
         if len(aimed):
-            missed = np.abs(rails.taken(aimed).wrapped(step.q[aimed] - aims[aimed])).max(axis=1)
+            missed = np.abs(manifold.taken(aimed).wrapped(step.q[aimed] - aims[aimed])).max(axis=1)
             met = aimed[missed < self.options.same]
             on[met] = False
-            self._meet(rows[met], others[met])
+            self._meet(rows[met], partners[met])
         if self._limited:
-            excess = rails.excess(step.q, q)
+            excess = manifold.excess(step.q, q)
             out = on & (excess > self.options.touching).any(axis=1)
             self.stops[rows[out]], self._length[rows[out]] = excess[out].argmax(axis=1), length[out]
             self.going[rows[out]], on[out] = False, False
         if on.any():
-            self._move(rails.taken(on), rows[on], step.taken(on), length[on], det[on])
+            self._move(manifold.taken(on), rows[on], step.taken(on), length[on], det[on])
         return True
 
     def _next(self) -> tuple[Indices, Array, Array, Indices]:
@@ -132,28 +134,28 @@ class Fronts:
         Of two fronts that may pass each other in their next steps only one goes on.
         """
         count, length, reach = len(self.q), self._length.copy(), self._length + self.options.same
-        aims, others = self.q.copy(), np.arange(count)
+        aims, partners = self.q.copy(), np.arange(count)
         if self._targets is not None:
             targets = self._targets[self.seeds]
-            ahead = self._ahead(others, targets)[2]
+            ahead = self._ahead(partners, targets)[2]
             # A step that ends beyond a limit may pass a target on the far side.
-            within = (self.rails.excess(targets, self.q) <= self.options.same).all(axis=1)
+            within = (self.manifold.excess(targets, self.q) <= self.options.same).all(axis=1)
             near = within & (ahead <= reach)
             length[near] = reach[near] = ahead[near]
-            aims[near], others[near] = targets[near], -1
+            aims[near], partners[near] = targets[near], -1
         one, other, ahead = self._facing()
         going = self.going.copy()
         going[other] = False
         for k in np.flatnonzero(ahead <= reach[one]):
             a, b = one[k], other[k]
             if ahead[k] <= reach[a]:
-                length[a], reach[a], aims[a], others[a] = ahead[k], ahead[k], self.q[b], b
+                length[a], reach[a], aims[a], partners[a] = ahead[k], ahead[k], self.q[b], b
         rows = np.flatnonzero(going)
-        return rows, length[rows], aims[rows], others[rows]
+        return rows, length[rows], aims[rows], partners[rows]
 
     def _facing(self) -> tuple[Indices, Indices, Array]:
         """Pairs of fronts that face each other, nearer than their next steps go together, (k,)
-        each, and distances along the steps of the first at which they pass the others.
+        each, and distances along the steps of the first at which they pass the partners.
         """
         rows = np.flatnonzero(self.going)
         t, length, square = self._tangent, self._length, (self._places**2).sum(axis=1)
@@ -185,7 +187,7 @@ class Fronts:
         Args:
             one: numbers of fronts, (k,).
             other: of those that face them, alike.
-            offset: from the ones to the others, (k, n).
+            offset: from the ones to the partners, (k, n).
         """
         distance = np.sqrt((offset**2).sum(axis=1))
         way = offset / distance[:, None]
@@ -214,51 +216,51 @@ class Fronts:
             points: a posture of each, (k, n).
         """
         options = self.options
-        offset = self.rails.taken(rows).wrapped(points - self.q[rows])
+        offset = self.manifold.taken(rows).wrapped(points - self.q[rows])
         along = (offset * self._tangent[rows]).sum(axis=1)
         ahead = along > options.touching
-        ahead &= (offset**2).sum(axis=1) <= (options.beside * along) ** 2
+        ahead &= (offset**2).sum(axis=1) <= (options.oblique * along) ** 2
         return offset, along, np.where(ahead, along, np.inf)
 
     def _tried(
-        self, rails: ClosureManifold, rows: Indices, length: Array
-    ) -> tuple[Step, Array, Array]:
+        self, manifold: ClosureManifold, rows: Indices, length: Array
+    ) -> tuple[CurveStep, Array, Array]:
         """Steps of fronts, det [J; tᵀ] at their ends, and lengths, shorter where they do not count.
 
         Args:
-            rails: of the fronts.
+            manifold: of the fronts.
             rows: of the fronts, (k,).
             length: of their steps, (k,).
         """
         options, q, t = self.options, self.q[rows], self._tangent[rows]
-        step = rails.step(q, t, length, self._bend[rows], options.closed)
+        step = manifold.step(q, t, length, self._bend[rows], options.closed)
         det = step.orientation if options.oriented else self._det[rows]
         aside = step.q - q - length[:, None] * t
         good = step.closed & (step.cosine > options.straight) & (det * self._det[rows] > 0)
         good &= (aside**2).sum(axis=1) < (options.aside * length + options.touching) ** 2
         if self._limited:
-            length = np.where(good, _turning(rails, q, t, step.tangent, length, options), length)
+            length = np.where(good, _turning(manifold, q, t, step.tangent, length, options), length)
         return step, det, np.where(good, length, length / 2)
 
-    def _meet(self, rows: Indices, others: Indices) -> None:
-        """Stop fronts, (k,), at others, or at their targets where these are −1."""
-        one, target = self.seeds[rows], others < 0
+    def _meet(self, rows: Indices, partners: Indices) -> None:
+        """Stop fronts, (k,), at partners, or at their targets where these are −1."""
+        one, target = self.seeds[rows], partners < 0
         self.met[one[target]] = True
         self.going &= ~self.met[self.seeds]
-        other = self.seeds[others]
+        other = self.seeds[partners]
         self.loops[one[(one == other) & ~target]] = True
-        self.going[rows] = self.going[others[~target]] = False
+        self.going[rows] = self.going[partners[~target]] = False
         self.meetings += zip(one[~target].tolist(), other[~target].tolist(), strict=True)
 
     def _move(
-        self, rails: ClosureManifold, rows: Indices, step: Step, length: Array, det: Array
+        self, manifold: ClosureManifold, rows: Indices, step: CurveStep, length: Array, det: Array
     ) -> None:
         """Move fronts to the ends of steps, and choose the next."""
         options, planned = self.options, self._length[rows]
         self.trail.append((rows, step.q, step.tangent, length))
         self._bend[rows] = (step.tangent - self._tangent[rows]) / length[:, None]
         self.q[rows], self._tangent[rows] = step.q, step.tangent
-        self._places[rows] = rails.embedded(step.q)
+        self._places[rows] = manifold.embedded(step.q)
         longer = np.where(step.cosine > options.very_straight, options.growth * planned, planned)
         # Where curves meet det vanishes: what would pass such a place has to come up to it.
         falling = np.maximum(1.0 - det / self._det[rows], 1e-9)
@@ -279,12 +281,12 @@ class Fronts:
     def ends(self) -> dict[int, tuple[Array, Array]]:
         """Posture, (n,), and tangent at the limit that stops each front, by its number."""
         rows = np.flatnonzero(self.stops >= 0)
-        rails, q, t = self.rails.taken(rows), self.q[rows], self._tangent[rows]
+        manifold, q, t = self.manifold.taken(rows), self.q[rows], self._tangent[rows]
         low, high, ends = np.zeros(len(rows)), self._length[rows], (q.copy(), t.copy())
         for _ in range(self.options.halvings):
             middle = (low + high) / 2
-            step = rails.step(q, t, middle, self._bend[rows], self.options.closed_well)
-            within = step.closed & (rails.excess(step.q, q) <= 0).all(axis=1)
+            step = manifold.step(q, t, middle, self._bend[rows], self.options.closed_well)
+            within = step.closed & (manifold.excess(step.q, q) <= 0).all(axis=1)
             low, high = np.where(within, middle, low), np.where(within, high, middle)
             for end, reached in zip(ends, (step.q, step.tangent), strict=True):
                 end[within] = reached[within]
@@ -313,18 +315,23 @@ def _curve(fronts: Fronts, seed: int, ends: dict[int, tuple[Array, Array]]) -> C
         complete=loop or bool((stops >= 0).all()),
         met=bool(fronts.met[seed]),
         stops=tuple(int(stop) for stop in stops if stop >= 0),
-        rails=fronts.rails.taken(np.array([seed])),
+        manifold=fronts.manifold.taken(np.array([seed])),
         options=fronts.options,
     )
 
 
 def _turning(
-    rails: ClosureManifold, q: Array, t: Array, ahead: Array, length: Array, options: TracingOptions
+    manifold: ClosureManifold,
+    q: Array,
+    t: Array,
+    ahead: Array,
+    length: Array,
+    options: TracingOptions,
 ) -> Array:
     """Lengths of steps, shorter where a joint turns back on the way, maybe beyond a limit: (k,).
 
     Args:
-        rails: of the fronts.
+        manifold: of the fronts.
         q: where the steps begin, (k, n).
         t: tangents there, (k, n).
         ahead: tangents at their ends, (k, n).
@@ -337,7 +344,7 @@ def _turning(
         return length
     total = np.where(turns, speed + slower, 1.0)
     depth = length[:, None] * speed**2 / (2 * total)
-    beyond = rails.excess(q + np.sign(t) * (1 + options.unsure) * depth, q) > 0
+    beyond = manifold.excess(q + np.sign(t) * (1 + options.unsure) * depth, q) > 0
     least = np.minimum(depth, length[:, None] * slower**2 / (2 * total))
     doubtful = turns & beyond & (least > options.shallow)
     part = np.where(doubtful, np.clip(speed / total, 0.1, 0.8), 1.0).min(axis=1)

@@ -34,10 +34,10 @@ class Stretch:
         ellipsoid, world = part.ellipsoid, list(part.world)
         columns = np.zeros((3, 3))
         columns[np.ix_(world, range(len(world)))] = ellipsoid.axes.T
-        others = [axis for axis in range(3) if axis not in world]
-        columns[others, range(len(world), 3)] = 1.0
+        other_axes = [axis for axis in range(3) if axis not in world]
+        columns[other_axes, range(len(world), 3)] = 1.0
         if np.linalg.det(columns) < 0:
             columns[:, 2] *= -1
         thickness = thin * float(ellipsoid.radii[0])
-        radii = np.append(ellipsoid.radii, [thickness] * len(others))
+        radii = np.append(ellipsoid.radii, [thickness] * len(other_axes))
         return cls(Pose.from_rotation(columns).quaternion, radii)
