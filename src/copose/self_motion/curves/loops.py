@@ -68,6 +68,7 @@ class Loops:
         self._cell, self._kernels, self._i, self._goal = cell, kernels, i, goal
         self._spare = kernels.n > kernels.m
         self.points = self._tangents = np.zeros((0, kernels.n))
+        self._places, self._squares = np.zeros((0, 2 * kernels.n)), np.zeros(0)
         self._paces, self.count = np.zeros(0), 0
         self._loops = self._met = np.zeros(0, dtype=np.intp)
 
@@ -124,15 +125,18 @@ class Loops:
         same = self.options.same
         places = self._cell.embedded(self._i, q)
         for row, place in zip(q, places, strict=True):
-            known = self._cell.embedded(self._i, self.points)
-            if np.all(np.linalg.norm(known - place, axis=1) > same):
+            if np.all(np.linalg.norm(self._places - place, axis=1) > same):
                 number, posture = np.array([self.count]), row[None]
                 self._remember(posture, 0 * posture, np.full(1, same), number)
                 self.count += 1
 
     def _remember(self, points: Array, tangents: Array, paces: Array, loops: Indices) -> None:
         """Add points with their tangents, spacings and loops' numbers."""
-        self.points = np.vstack([self.points, points])
+        places = self._cell.embedded(self._i, points)
+        self.points, self._places = (
+            np.vstack(pair) for pair in ((self.points, points), (self._places, places))
+        )
+        self._squares = (self._places**2).sum(axis=1)
         self._tangents = np.vstack([self._tangents, tangents])
         self._paces = np.concatenate([self._paces, paces])
         self._loops = np.concatenate([self._loops, loops])
@@ -141,8 +145,8 @@ class Loops:
         """The number of the point of a loop next to each posture on a loop, −1 of others."""
         if len(self.points) == 0 or len(q) == 0:
             return np.full(len(q), -1)
-        places, known = (self._cell.embedded(self._i, x) for x in (q, self.points))
-        nearest = (2 * places @ known.T - (known**2).sum(axis=1)).argmax(axis=1)
+        places = self._cell.embedded(self._i, q)
+        nearest = (2 * places @ self._places.T - self._squares).argmax(axis=1)
         offset = self._cell.nearest_turn(self._i, q - self.points[nearest])
         along = (offset * self._tangents[nearest]).sum(axis=1)
         aside = np.linalg.norm(offset - along[:, None] * self._tangents[nearest], axis=1)

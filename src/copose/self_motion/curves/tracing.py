@@ -123,7 +123,9 @@ class Fronts:
             out = on & (excess > self.options.touching).any(axis=1)
             self.stops[rows[out]], self._length[rows[out]] = excess[out].argmax(axis=1), length[out]
             self.going[rows[out]], on[out] = False, False
-        if on.any():
+        if on.all():
+            self._move(manifold, rows, step, length, det)
+        elif on.any():
             self._move(manifold.taken(on), rows[on], step.taken(on), length[on], det[on])
         return True
 
