@@ -14,9 +14,12 @@ from cells import closed_postures, planar, random_cell, tables, two_pandas
 from copose.cell.cell import Cell
 from copose.measurement.meter import Meter
 from copose.posture.model import PostureModel
+from copose.posture.reachable.components import manifold_of
 from copose.posture.search.effort import EFFORTS
 from copose.problem import parse
 from copose.results import to_json
+from copose.self_motion.curves.loops import Loops
+from copose.self_motion.curves.tracing import follow
 from copose.self_motion.projection import CLOSED, project
 from copose.self_motion.sampling import ArmSampler
 from reference import Problem as Truth
@@ -85,6 +88,47 @@ def test_a_piece_of_a_loop_that_limits_leave_is_found() -> None:
     for seed in range(5):
         _, piece = sampled(cell, 0, seed)
         assert len(piece.closed) > 0
+
+
+def test_coverage_tells_self_motions_apart_as_exact_traces_do() -> None:
+    """Of these eight self-motions some are near each other, and some are met rarely."""
+    machinery, setting = machinery_of(tables("baxter-box"))
+    cell, kernels, goal = machinery.cell, machinery.arms[0], setting.placement.goals[0]
+    loops = Loops(cell, kernels, 0, goal)
+    sampler = ArmSampler(cell, kernels, 0, goal)
+    q = loops.closed(sampler.draw(np.random.default_rng(3), 500))
+    q, _ = project(kernels, q, goal, *np.full((2, 7), [[-np.inf], [np.inf]]))
+    loops.add(q)
+    free = manifold_of(machinery, setting, [0])
+    without = np.full((1, 7), np.inf)
+    free = replace(free, lower=-without, upper=without, unlimited=np.ones((1, 7), dtype=bool))
+    curves = 0
+    while len(q):
+        (curve,) = follow(free, q[:1])
+        assert curve.loop
+        q = q[1:][[curve.place(posture) is None for posture in q[1:]]]
+        curves += 1
+    assert loops.count == curves == 8
+
+
+@pytest.mark.parametrize("seed", range(11))
+def test_self_motions_of_three_links_are_counted_by_grashofs_rule(seed: int) -> None:
+    """A tip that stays closes a four-bar linkage: two loops where the shortest and the longest bar
+    are together shorter than the others, else one.
+    """
+    rng = np.random.default_rng(seed)
+    *bars, ground = rng.uniform(0.15, 0.6, 4)
+    short, second, third, longest = sorted([*bars, ground])
+    assert longest < short + second + third and abs(short + longest - second - third) > 0.01
+    cell = planar(1, 3)
+    cell["object"]["position"] = [ground, 0.0]
+    cell["arms"][0] |= {
+        "links": [{"length": a, "mass": 1.0, "inertia": 0.03, "com": a / 2} for a in bars],
+        "base": {"position": [0.0, 0.0]},
+        "grasp": {"position": [0.0, 0.0]},
+    }
+    loops = 2 if short + longest < second + third else 1
+    assert [sampled(cell, 0, draw)[1].branches for draw in range(4)] == [loops] * 4
 
 
 @pytest.mark.few(3)
