@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 
 import numpy as np
 
 from copose.capability import ExactSet
+from copose.capability.residual_balls import ResidualBalls, row_by_row
 from copose.capability.torque_limits import Demand
 from copose.cell.context import PostureContext
 from copose.cell.dynamics import Holding
-from copose.objectives.objective import Cuts, LimitReport
+from copose.objectives.ball_table import ranked
+from copose.objectives.facet_ascent import FacetAscent
+from copose.objectives.objective import Cuts, LimitReport, Ranked
 from copose.objectives.torque_limited import TorqueLimited, least
-from copose.poses import Array
+from copose.poses import Array, Indices, Mask
 from copose.problem import Space
 from copose.selection import far_apart
+from copose.self_motion.manifold import ClosureManifold
 
 
 @dataclass(frozen=True)
@@ -61,16 +66,46 @@ class AllRound(TorqueLimited):
         return self.along(holding, self.few)
 
     def values(self, context: PostureContext, q: Sequence[Array]) -> Array:
-        """The distance of the nearest facet of the exact set."""
-        values = []
-        for row in range(len(q[0])):
-            exact = self._exact_set(context, [q_arm[row] for q_arm in q])
-            values.append(np.nan if exact is None else exact.residual_radius)
-        return np.array(values)
+        """The distance of the nearest facet of the exact set, 0 where rest is outside.
+
+        All facets are enumerated where they are few enough; else `ExactSet` looks for the nearest.
+        """
+        if self._enumerable:
+            radii = self._balls(context, q).facets(row_by_row(len(q[0]), len(q))).radii
+            return np.maximum(radii[:, 0], 0.0)
+        exact = [self._exact_set(context, row) for row in zip(*q, strict=True)]
+        return np.array([np.nan if each is None else each.residual_radius for each in exact])
 
     def estimates(self, context: PostureContext, q: Sequence[Array]) -> Array:
-        """A bound from above: the least reach in more directions than programs have."""
+        """Values, or a bound from above: the least reach in more directions than programs have."""
+        if self._enumerable:
+            return self.values(context, q)
         return least(self._dynamics(context, q), self.along(context.loaded[1], self._many))
+
+    def ranked(
+        self,
+        context: PostureContext,
+        q: Sequence[Array],
+        allowed: Callable[[Indices], Mask] | None,
+    ) -> Ranked | None:
+        """By bounds of the whole table of one or two arms' postures, see `ball_table`."""
+        if len(q) > 2 or not self._enumerable:
+            return None
+        return ranked(self._balls(context, q), allowed)
+
+    def ascended(
+        self,
+        context: PostureContext,
+        arms: Sequence[ClosureManifold],
+        q: Sequence[Array],
+        *,
+        race: bool,
+    ) -> list[Array] | None:
+        """Along curves on which the arms can move, see `FacetAscent`."""
+        fixed = [arm.fixed for arm in context.cell.arms]
+        moving = [None if still else arm for still, arm in zip(fixed, arms, strict=True)]
+        ascent = FacetAscent(partial(self._balls, context), moving)
+        return ascent.ends(q, race=race) if self._enumerable and ascent.possible else None
 
     def cuts(self, context: PostureContext, q: Sequence[Array]) -> list[Cuts]:
         """Along the normals of the facets next to rest, as many as the program has demands."""
@@ -108,6 +143,18 @@ class AllRound(TorqueLimited):
             return np.zeros((0, len(self.axes))), np.zeros(0)
         order = np.argsort(facets[1], kind="stable")
         return facets[0][order], facets[1][order]
+
+    @property
+    def _enumerable(self) -> bool:
+        """True where all facets can be looked at."""
+        n_joints = sum(len(scale) for scale in self.scales)
+        return ResidualBalls.enumerable(self.space.m, n_joints)
+
+    def _balls(self, context: PostureContext, q: Sequence[Array]) -> ResidualBalls:
+        """The largest balls of postures by arm, (count_i, n_i)."""
+        holding = context.loaded[1].forces_alone
+        dynamics = context.dynamics(q, moments=False)
+        return ResidualBalls.of(dynamics, holding.inertia, holding.weight, self.axes)
 
     def _exact_set(self, context: PostureContext, q: Sequence[Array]) -> ExactSet | None:
         return context.loaded[0].exact_set(context.cell, q, self.axes)

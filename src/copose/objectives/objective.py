@@ -7,7 +7,7 @@ is one class; `registry.OBJECTIVES` names its builder by the kind in a problem f
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, TypeAlias
 
@@ -20,7 +20,8 @@ from copose.cell.context import PostureContext
 from copose.cell.dynamics import CellDynamics, Holding
 from copose.constraints.constraint import Constraint
 from copose.mechanics import System
-from copose.poses import Array
+from copose.poses import Array, Indices, Mask
+from copose.self_motion.manifold import ClosureManifold
 
 Cuts: TypeAlias = tuple[Demand, ...]
 """Demands that one program has, of those that decide an objective."""
@@ -48,6 +49,23 @@ class Term:
     sharp: Term | None = None
     gram: ca.SX | None = None
     exact_hessian: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Ranked:
+    """Combinations of the arms' postures that an objective itself has compared.
+
+    Attributes:
+        chosen: combinations, best first, as indices, (count, K).
+        scores: their values, or a little less than bounds of them, (count,).
+        combinations: how many were compared.
+        bound: no combination is worth more; None where that is not known.
+    """
+
+    chosen: Indices
+    scores: Array
+    combinations: int
+    bound: float | None
 
 
 class LimitReport(Protocol):
@@ -120,6 +138,32 @@ class Objective(ABC):
     def values_of_sums(self, context: PostureContext, sums: Array) -> Array:
         """Values of the arms' sums, (count, s), of an objective that is `summable`."""
         raise NotImplementedError(self.kind)
+
+    # A search of its own.
+
+    def ranked(
+        self,
+        context: PostureContext,
+        q: Sequence[Array],
+        allowed: Callable[[Indices], Mask] | None,
+    ) -> Ranked | None:
+        """The best combinations of postures by arm, (count_i, n_i), of those that are allowed; None
+        where `score` and `estimates` have to compare them.
+        """
+        return None
+
+    def ascended(
+        self,
+        context: PostureContext,
+        arms: Sequence[ClosureManifold],
+        q: Sequence[Array],
+        *,
+        race: bool,
+    ) -> list[Array] | None:
+        """Local maxima that closed postures, by arm (count, n_i), lead to along the manifolds of
+        the arms; NaN of those that fall behind in a race. None where programs have to climb.
+        """
+        return None
 
     # Expressions.
 

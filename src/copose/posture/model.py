@@ -31,6 +31,7 @@ from copose.posture.solvers.newton import ArmGroup, Polisher
 from copose.posture.solvers.nlp import PostureProgram
 from copose.results import LinkRecord, link_records
 from copose.self_motion.kernels import ArmKernels, KernelInputsBuilder, terms_kernel
+from copose.self_motion.manifold import ClosureManifold
 
 
 class PostureModel:
@@ -223,6 +224,13 @@ class PostureModel:
                 )
             )
         return Polisher(groups, self.score, setting.given, rest)
+
+    def manifold(self, setting: Setting, i: int) -> ClosureManifold:
+        """Closed postures of arm i within its limits."""
+        parts = setting.placement.goals[i], setting.lower[i], setting.upper[i]
+        return ClosureManifold(
+            self.arms[i], *(part[None] for part in parts), setting.cell.turns(i)[None]
+        )
 
     def terms(self, setting: Setting, i: int, q: Array) -> Array:
         """Terms of arm i in the sums by which postures are compared, (count, s), at (count, n)."""

@@ -78,6 +78,8 @@ class SearchRecord(Record):
         samples: by arm.
         combinations: of the arms' postures that were evaluated.
         best_sample: the objective of the best of them.
+        bound: no combination of these samples is worth more, and `best_sample` is no larger; null
+            where that is not known. What polishing finds between samples may be.
         gap: what polishing added to that.
         starts: combinations that were polished.
         local_optima: where they ended, best first.
@@ -91,6 +93,7 @@ class SearchRecord(Record):
     samples: dict[str, SampleRecord]
     combinations: int
     best_sample: Finite | None
+    bound: Finite | None = None
     gap: Finite | None
     starts: int
     local_optima: tuple[Optimum, ...]

@@ -135,11 +135,14 @@ class LocalSearches:
         would have to gain far more than any has.
         """
         options, newton = self.options, self.model.objective.summable
+        if self.model.objective.costly:
+            self.add(starts)
+            return
         gained, best = 0.0, -np.inf
         first, together = 0, options.batch if newton else options.first_batch
         while first < len(starts):
             rows = slice(first, first + together)
-            if not self.model.objective.costly and scores[first] + options.hope * gained < best:
+            if scores[first] + options.hope * gained < best:
                 break
             ends = self.add(starts[rows])
             best = max(best, ends.max(initial=-np.inf))
@@ -155,7 +158,7 @@ class LocalSearches:
         stage("polishing", self.starts)
         self.starts += len(starts)
         if not model.objective.summable:
-            return self._solve(starts)
+            return self._ascend(starts)
         ends = model.polisher(setting).polish(starts)
         held = model.feasibility.allowed(setting, ends.q)
         solved = ends.converged & model.objective.smooth & held
@@ -182,6 +185,35 @@ class LocalSearches:
             self.failures += [LocalSolve(starts[0], False, "Stalled_Far_Below_Best", {})] * stalled
         self._solve(left)
         return np.where(ends.converged, ends.value, -np.inf)
+
+    def _ascend(self, starts: Array) -> Array:
+        """Climb by the objective's own ascent where it has one, else by IPOPT; which goes on from
+        starts whose ascent ends better than the best that is allowed, but is not allowed itself.
+
+        Returns:
+            The objective where each ends, −inf where nowhere, (count,).
+        """
+        model, setting = self.model, self.setting
+        constrained = bool(model.feasibility.constraints)
+        arms = [model.manifold(setting, i) for i in range(len(model.arms))]
+        parts = setting.objective.ascended(
+            setting, arms, model.split(starts), race=not constrained
+        )
+        if parts is None:
+            return self._solve(starts)
+        ends = np.hstack(parts)
+        values = np.full(len(ends), -np.inf)
+        finished = np.flatnonzero(np.isfinite(ends).all(axis=1))
+        values[finished] = model.objectives(setting, ends[finished])
+        values[np.isnan(values)] = -np.inf
+        kept = values > -np.inf
+        kept[kept] = model.feasibility.allowed(setting, ends[kept])
+        for q, value in zip(ends[kept], values[kept], strict=True):
+            self.keep(q, value)
+        stopped = np.flatnonzero(~kept & (values > self.best))
+        values[~kept] = -np.inf
+        values[stopped] = self._solve(starts[stopped])
+        return values
 
     def _left(self, ends: Polished, settled: Mask) -> Array:
         """Ends that are not settled and that IPOPT has to go on from, (count, N)."""

@@ -56,6 +56,7 @@ def search_record(
         },
         combinations=outcome.combinations,
         best_sample=outcome.best_sample,
+        bound=outcome.bound,
         gap=gap,
         starts=outcome.starts,
         local_optima=tuple(_optimum(cell, each) for each in outcome.optima),

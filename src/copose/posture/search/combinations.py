@@ -38,6 +38,7 @@ class Combinations:
             clearance, those are allowed that do.
         evaluated: how many combinations were.
         screened: the best by a score.
+        bound: of the objective of all of them, from above; None where it is not known.
         starts: the best by the objective itself that differ, (count, N); None before it has
             compared them.
     """
@@ -49,6 +50,7 @@ class Combinations:
     allowed: Allowed | None = None
     evaluated: int = field(default=0, init=False)
     screened: Screened | None = field(default=None, init=False)
+    bound: float | None = field(default=None, init=False)
     starts: Array | None = field(default=None, init=False)
 
     def search(self, samples: Sequence[ArmSample]) -> SearchOutcome:
@@ -63,6 +65,7 @@ class Combinations:
             samples=tuple(samples),
             combinations=self.evaluated,
             best_sample=None if first is None else float(first[0]),
+            bound=self.bound,
             starts=self.climbs.starts,
             optima=tuple(gathered(self._setting.cell, self.climbs.ends, self.climbs.options.same)),
             failures=tuple(self.climbs.failures),
@@ -104,8 +107,7 @@ class Combinations:
         model, setting, arms = self._model, self._setting, self.arms
         stage("comparing postures")
         rng = np.random.default_rng([self.seed, len(arms.postures)])
-        self.screened = self._screened(arms, rng, self.allowed)
-        best = judged(model, setting, arms.postures, arms.neighbours, self.screened, self._most)
+        best = self._ranked(arms, rng, self.allowed, first=True)
         self.starts, scores = self._distinct(arms.postures, best, self._most)
         self.climbs.add_promising(self.starts, scores)
         if self._spare > len(arms.postures) and len(self.starts) and not model.objective.costly:
@@ -139,14 +141,13 @@ class Combinations:
         At a good combination every arm's posture is good for what the others add up to, and it was
         climbed to for another sum before.
         """
-        model, setting, climbs = self._model, self._setting, self.climbs
+        model, climbs = self._model, self.climbs
         postures = self._end_postures()
         if not all(map(len, postures)):
             return False
         # None is next to another.
         arms = ArmPostures(postures, [np.zeros((len(q), 0), dtype=np.intp) for q in postures])
-        screened = self._screened(arms, rng)
-        screened = judged(model, setting, postures, arms.neighbours, screened, self._most)
+        screened = self._ranked(arms, rng)
         # Where kinks make what was climbed stand above all that was not, only the latter counts.
         known = None if model.objective.summable else climbs.known
         again, _ = self._distinct(postures, screened, max(1, self._most // 2), known)
@@ -171,13 +172,47 @@ class Combinations:
             return [q[alone_clear(setting, i, q)] for i, q in enumerate(postures)]
         return postures
 
+    def _ranked(
+        self,
+        arms: ArmPostures,
+        rng: np.random.Generator,
+        allowed: Allowed | None = None,
+        *,
+        first: bool = False,
+    ) -> Screened:
+        """The best combinations, compared by the objective itself or screened and then judged."""
+        model, setting, postures = self._model, self._setting, arms.postures
+        if setting.bodies is not None and allowed is None:
+            allowed = kept_apart(setting, postures)
+        ranked = model.objective.ranked(setting, postures, self._permitted(postures, allowed))
+        if ranked is not None:
+            self.evaluated += ranked.combinations
+            if first:
+                self.bound = ranked.bound
+            return Screened(ranked.chosen, ranked.scores, ranked.combinations)
+        screened = self._screened(arms, rng, allowed)
+        if first:
+            self.screened = screened
+        return judged(model, setting, postures, arms.neighbours, screened, self._most)
+
+    def _permitted(self, postures: Sequence[Array], allowed: Allowed | None) -> Allowed | None:
+        """Predicate of combinations that are allowed and keep what is judged; None if all are."""
+        feasibility, setting = self._model.feasibility, self._setting
+        if not feasibility.judged:
+            return allowed
+
+        def permitted(chosen: Indices) -> Mask:
+            kept = np.ones(len(chosen), dtype=bool) if allowed is None else allowed(chosen)
+            kept[kept] = feasibility.held(setting, combined(postures, chosen[kept]))
+            return kept
+
+        return permitted
+
     def _screened(
-        self, arms: ArmPostures, rng: np.random.Generator, allowed: Allowed | None = None
+        self, arms: ArmPostures, rng: np.random.Generator, allowed: Allowed | None
     ) -> Screened:
         model, setting, neighbours = self._model, self._setting, arms.neighbours
         terms = [model.terms(setting, i, q) for i, q in enumerate(arms.postures)]
-        if setting.bodies is not None and allowed is None:
-            allowed = kept_apart(setting, arms.postures)
         if model.feasibility.judged:
             # A combination that cannot be held may stand above a neighbour that can.
             neighbours = [near[:, :0] for near in neighbours]

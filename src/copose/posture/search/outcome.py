@@ -22,6 +22,7 @@ class SearchOutcome:
         starts: combinations that were polished.
         optima: distinct local optima, best first.
         failures: how polishing failed, and how often.
+        bound: of the objective of every combination, from above; None where that is not known.
         best: the best combination before polishing, (N,); None where there is none.
         blocked: what comes too near in all postures of an arm.
     """
@@ -29,6 +30,7 @@ class SearchOutcome:
     samples: tuple[ArmSample, ...] = ()
     combinations: int = 0
     best_sample: float | None = None
+    bound: float | None = None
     starts: int = 0
     optima: tuple[LocalOptimum, ...] = ()
     failures: tuple[LocalSolve, ...] = ()

@@ -1,0 +1,215 @@
+"""Local maxima of the largest ball of accelerations along the arms' self-motions.
+
+Each of the nearest facets moves smoothly with the posture as long as it is parallel to the same
+generators: a quadratic model of each, and the largest minimum of these models within a trust region.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from copose.capability.residual_balls import ResidualBalls, row_by_row
+from copose.objectives.quadratic_maximin import Quadratics, maximin
+from copose.poses import Array, Indices, Mask
+from copose.self_motion.manifold import ClosureManifold, null_vectors
+from copose.self_motion.projection import CLOSED, project
+
+
+@dataclass(frozen=True)
+class AscentOptions:
+    """Steps of the ascent."""
+
+    freedom: int = 4  # degrees of freedom to spare of all arms, at most
+    facets: int = 16  # nearest facets that are followed
+    also: int = 8  # facets of the step before that are
+    region: float = 0.15  # first trust region, rad or m
+    widest: float = 0.3  # trust region, at most
+    difference: float = 1e-3  # step of differences, rad or m, at most
+    smallest: float = 1e-9  # trust region that is the end
+    steps: int = 40  # at most
+    gain: float = 1e-12  # predicted, relative, that is the end
+    hope: float = 1.0  # times the gain predicted last that a start may gain to come up to the best
+    tie: float = 1e-9  # of the best, relative, within which none falls behind
+
+
+@dataclass(frozen=True, eq=False)
+class _Climbers:
+    """Postures on their way up."""
+
+    number: Indices  # of the start, (count,)
+    q: list[Array]  # by arm, (count, n_i)
+    value: Array  # radius there, (count,)
+    choices: Indices  # generators of the facets that are followed, (count, k, m − 1)
+    region: Array  # half the width of the trust region, rad or m, (count,)
+    gain: Array  # predicted last, (count,)
+    done: Mask  # no better posture is in sight, (count,)
+
+    def taken(self, rows: Mask) -> _Climbers:
+        """Some of them."""
+        parts = (self.value, self.choices, self.region, self.gain, self.done)
+        return _Climbers(self.number[rows], [q[rows] for q in self.q], *(p[rows] for p in parts))
+
+
+@dataclass(frozen=True, eq=False)
+class FacetAscent:
+    """An ascent from many postures at once.
+
+    Attributes:
+        balls: of postures by arm, (count, n_i).
+        arms: manifolds of their closed postures, (1, n_i); None for arms that do not move.
+    """
+
+    balls: Callable[[Sequence[Array]], ResidualBalls]
+    arms: Sequence[ClosureManifold | None]
+    options: AscentOptions = AscentOptions()
+
+    @property
+    def possible(self) -> bool:
+        """True where arms that move do so along curves, and are few."""
+        spare = [arm.spare for arm in self.arms if arm is not None]
+        return max(spare, default=0) <= 1 and sum(spare) <= self.options.freedom
+
+    @property
+    def _moving(self) -> list[int]:
+        return [i for i, arm in enumerate(self.arms) if arm is not None and arm.spare == 1]
+
+    def ends(self, q: Sequence[Array], *, race: bool) -> list[Array]:
+        """Ends of ascents from closed postures, by arm (count, n_i).
+
+        Args:
+            q: where they start.
+            race: whether those that fall behind are given up: their ends are NaN.
+        """
+        climbers, best = self._starting(q), -np.inf
+        ends = [np.full_like(part, np.nan) for part in q]
+        for _ in range(self.options.steps if self._moving else 0):
+            climbers = self._stepped(climbers)
+            best = max(best, climbers.value.max(initial=-np.inf))
+            if race:
+                tie = self.options.tie * abs(best)
+                climbers = climbers.taken(
+                    climbers.value + self.options.hope * climbers.gain >= best - tie
+                )
+            _written(ends, climbers.taken(climbers.done))
+            climbers = climbers.taken(~climbers.done)
+            if not len(climbers.number):
+                break
+        _written(ends, climbers)
+        return ends
+
+    def _starting(self, q: Sequence[Array]) -> _Climbers:
+        """The climbers at their starts, but for those where the motion is singular."""
+        options, count = self.options, len(q[0])
+        facets = self.balls(q).facets(row_by_row(count, len(q)), options.facets + options.also)
+        whole = np.full(count, np.inf)
+        climbers = _Climbers(
+            np.arange(count), list(q), facets.radii[:, 0], facets.choices,
+            np.full(count, options.region), whole, np.zeros(count, dtype=bool),
+        )  # fmt: skip
+        return climbers.taken(np.isfinite(climbers.value))
+
+    def _stepped(self, climbers: _Climbers) -> _Climbers:
+        """One step of each: to where the models of the facets are best, if that is better."""
+        options = self.options
+        tangents = self._tangents(climbers.q)
+        models = self._models(climbers, tangents)
+        box = self._box(climbers, tangents)
+        x, predicted = maximin(models, *box)
+        gain = np.maximum(predicted - climbers.value, 0.0)
+        q, closed = self._moved(climbers.q, tangents, x, limited=True)
+        facets = self.balls(q).facets(row_by_row(len(x), len(q)), options.facets)
+        value = np.where(closed, facets.radii[:, 0], -np.inf)
+        better = value > climbers.value
+        done = gain <= options.gain * (1 + np.abs(climbers.value))
+        done |= ~better & (climbers.region <= options.smallest)
+        good = value - climbers.value > gain / 2
+        region = climbers.region * np.where(better, np.where(good, 2.0, 0.5), 0.25)
+        nearest, also = facets.choices, climbers.choices
+        keep = np.where(better[:, None, None], also[:, : options.also], nearest[:, : options.also])
+        first = np.where(better[:, None, None], nearest, also[:, : options.facets])
+        rows = better[:, None]
+        return _Climbers(
+            climbers.number,
+            [np.where(rows, new, old) for new, old in zip(q, climbers.q, strict=True)],
+            np.where(better, value, climbers.value),
+            np.concatenate([first, keep], axis=1),
+            np.minimum(region, options.widest),
+            gain,
+            done,
+        )
+
+    def _tangents(self, q: Sequence[Array]) -> list[Array]:
+        """Unit tangents of the self-motions, (count, n_i) of each arm that moves."""
+        moving = [(self._arm(i), q[i]) for i in self._moving]
+        return [null_vectors(arm.kernels.residual(q_i, arm.goals[0])[1]) for arm, q_i in moving]
+
+    def _moved(
+        self, q: Sequence[Array], tangents: Sequence[Array], x: Array, *, limited: bool
+    ) -> tuple[list[Array], Mask]:
+        """Postures so far along the tangents, (count, d), closed again, within limits or without
+        regard to them; and which are closed.
+        """
+        moved, closed = list(q), np.ones(len(x), dtype=bool)
+        for i, tangent, part in zip(self._moving, tangents, x.T, strict=True):
+            arm = self._arm(i)
+            free = np.full(arm.kernels.n, np.inf)
+            limits = (arm.lower[0], arm.upper[0]) if limited else (-free, free)
+            moved[i], gaps = project(
+                arm.kernels, q[i] + part[:, None] * tangent, arm.goals[0], *limits, steps=12
+            )
+            closed &= gaps <= CLOSED
+        return moved, closed
+
+    def _models(self, climbers: _Climbers, tangents: Sequence[Array]) -> Quadratics:
+        """Models of the facets' distances in terms of the ways along the tangents."""
+        d, count = len(tangents), len(climbers.value)
+        h = np.minimum(self.options.difference, climbers.region)
+        pairs = list(combinations(range(d), 2))
+        eye = np.eye(d)
+        offsets = np.array([0 * eye[0], *eye, *-eye, *(eye[k] + eye[j] for k, j in pairs)])
+        x = (h[:, None, None] * offsets).reshape(-1, d)
+        rows = np.repeat(np.arange(count), len(offsets))
+        q, _ = self._moved(
+            [part[rows] for part in climbers.q], [t[rows] for t in tangents], x, limited=False
+        )
+        choices = climbers.choices[rows]
+        values = self.balls(q).tracked(row_by_row(len(rows), len(q)), choices)
+        values = values.reshape(count, len(offsets), -1)
+        lost = ~np.isfinite(values).all(axis=1)
+        values = np.where(lost[:, None], 0.0, values)
+        first, up, down, both = np.split(values, [1, 1 + d, 1 + 2 * d], axis=1)
+        h = h[:, None, None]
+        bend = np.zeros((count, d, d, values.shape[2]))
+        bend[:, range(d), range(d)] = (up + down - 2 * first) / h**2
+        for n, (k, j) in enumerate(pairs):
+            bend[:, k, j] = bend[:, j, k] = (both[:, n] - up[:, k] - up[:, j] + first[:, 0]) / h[:, 0]**2
+        value = np.where(lost, np.inf, first[:, 0])
+        return Quadratics(value, (up - down) / (2 * h), bend)
+
+    def _box(self, climbers: _Climbers, tangents: Sequence[Array]) -> tuple[Array, Array]:
+        """The trust region, cut by joint limits to first order: lower and upper ends, (count, d)."""
+        ends = []
+        for i, tangent in zip(self._moving, tangents, strict=True):
+            q, arm = climbers.q[i], self._arm(i)
+            rate = np.where(tangent == 0, np.nan, tangent)
+            to_limits = np.stack([(arm.lower - q) / rate, (arm.upper - q) / rate])
+            back, ahead = to_limits.min(axis=0), to_limits.max(axis=0)
+            ends.append([np.nanmax(back, axis=1), np.nanmin(ahead, axis=1)])
+        limits = np.array(ends).transpose(1, 2, 0)
+        region = climbers.region[:, None]
+        # A posture on a limit may be beyond it by rounding.
+        return np.clip(limits[0], -region, 0.0), np.clip(limits[1], 0.0, region)
+
+    def _arm(self, i: int) -> ClosureManifold:
+        arm = self.arms[i]
+        assert arm is not None
+        return arm
+
+
+def _written(ends: Sequence[Array], climbers: _Climbers) -> None:
+    for end, part in zip(ends, climbers.q, strict=True):
+        end[climbers.number] = part
