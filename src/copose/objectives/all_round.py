@@ -105,7 +105,7 @@ class AllRound(TorqueLimited):
         fixed = [arm.fixed for arm in context.cell.arms]
         moving = [None if still else arm for still, arm in zip(fixed, arms, strict=True)]
         ascent = FacetAscent(partial(self._balls, context), moving)
-        return ascent.ends(q, race=race) if self._enumerable and ascent.possible else None
+        return ascent.ends(q, race=race) if self._enumerable else None
 
     def cuts(self, context: PostureContext, q: Sequence[Array]) -> list[Cuts]:
         """Along the normals of the facets next to rest, as many as the program has demands."""

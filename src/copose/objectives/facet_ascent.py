@@ -15,7 +15,7 @@ import numpy as np
 from copose.capability.residual_balls import ResidualBalls, row_by_row
 from copose.objectives.quadratic_maximin import Quadratics, maximin
 from copose.poses import Array, Indices, Mask
-from copose.self_motion.manifold import ClosureManifold, null_vectors
+from copose.self_motion.manifold import ClosureManifold
 from copose.self_motion.projection import CLOSED, project
 
 
@@ -23,16 +23,17 @@ from copose.self_motion.projection import CLOSED, project
 class AscentOptions:
     """Steps of the ascent."""
 
-    freedom: int = 4  # degrees of freedom to spare of all arms, at most
     facets: int = 16  # nearest facets that are followed
     also: int = 8  # facets of the step before that are
     region: float = 0.15  # first trust region, rad or m
     widest: float = 0.3  # trust region, at most
-    difference: float = 1e-3  # step of differences, rad or m, at most
+    difference: float = 2e-5  # step of differences, rad or m: facets have kinks nearby
     smallest: float = 1e-9  # trust region that is the end
     steps: int = 40  # at most
     gain: float = 1e-12  # predicted, relative, that is the end
-    hope: float = 1.0  # times the gain predicted last that a start may gain to come up to the best
+    hope: float = 10.0  # times the gain predicted last that a start may gain to come up to the best
+    steeper: float = 30.0  # times the steepest facet, that limits fall beyond joint positions
+    still: float = 1e-6  # rate of a joint along the self-motion that counts as none
     tie: float = 1e-9  # of the best, relative, within which none falls behind
 
 
@@ -68,14 +69,8 @@ class FacetAscent:
     options: AscentOptions = AscentOptions()
 
     @property
-    def possible(self) -> bool:
-        """True where arms that move do so along curves, and are few."""
-        spare = [arm.spare for arm in self.arms if arm is not None]
-        return max(spare, default=0) <= 1 and sum(spare) <= self.options.freedom
-
-    @property
     def _moving(self) -> list[int]:
-        return [i for i, arm in enumerate(self.arms) if arm is not None and arm.spare == 1]
+        return [i for i, arm in enumerate(self.arms) if arm is not None and arm.spare > 0]
 
     def ends(self, q: Sequence[Array], *, race: bool) -> list[Array]:
         """Ends of ascents from closed postures, by arm (count, n_i).
@@ -117,9 +112,9 @@ class FacetAscent:
         options = self.options
         tangents = self._tangents(climbers.q)
         models = self._models(climbers, tangents)
-        box = self._box(climbers, tangents)
-        x, predicted = maximin(models, *box)
-        gain = np.maximum(predicted - climbers.value, 0.0)
+        steepest = np.linalg.norm(models.slope, axis=1).max(axis=1)
+        limits = self._limits(climbers, tangents, steepest)
+        x, gain = maximin(models.joined(limits), climbers.region)
         q, closed = self._moved(climbers.q, tangents, x, limited=True)
         facets = self.balls(q).facets(row_by_row(len(x), len(q)), options.facets)
         value = np.where(closed, facets.radii[:, 0], -np.inf)
@@ -128,24 +123,26 @@ class FacetAscent:
         done |= ~better & (climbers.region <= options.smallest)
         good = value - climbers.value > gain / 2
         region = climbers.region * np.where(better, np.where(good, 2.0, 0.5), 0.25)
-        nearest, also = facets.choices, climbers.choices
-        keep = np.where(better[:, None, None], also[:, : options.also], nearest[:, : options.also])
-        first = np.where(better[:, None, None], nearest, also[:, : options.facets])
         rows = better[:, None]
+        choices = _chosen(rows, facets.choices, climbers.choices, options.also)
         return _Climbers(
             climbers.number,
             [np.where(rows, new, old) for new, old in zip(q, climbers.q, strict=True)],
             np.where(better, value, climbers.value),
-            np.concatenate([first, keep], axis=1),
+            choices,
             np.minimum(region, options.widest),
             gain,
             done,
         )
 
     def _tangents(self, q: Sequence[Array]) -> list[Array]:
-        """Unit tangents of the self-motions, (count, n_i) of each arm that moves."""
-        moving = [(self._arm(i), q[i]) for i in self._moving]
-        return [null_vectors(arm.kernels.residual(q_i, arm.goals[0])[1]) for arm, q_i in moving]
+        """Orthonormal tangents of the self-motions of each arm that moves, (count, n_i, d_i)."""
+        tangents = []
+        for i in self._moving:
+            arm = self._arm(i)
+            _, J = arm.kernels.residual(q[i], arm.goals[0])
+            tangents.append(np.linalg.qr(J.swapaxes(1, 2), mode="complete")[0][:, :, arm.spare * -1 :])
+        return tangents
 
     def _moved(
         self, q: Sequence[Array], tangents: Sequence[Array], x: Array, *, limited: bool
@@ -154,19 +151,21 @@ class FacetAscent:
         regard to them; and which are closed.
         """
         moved, closed = list(q), np.ones(len(x), dtype=bool)
-        for i, tangent, part in zip(self._moving, tangents, x.T, strict=True):
+        edges = np.cumsum([tangent.shape[2] for tangent in tangents])[:-1]
+        parts = np.split(x, edges, axis=1)
+        for i, tangent, part in zip(self._moving, tangents, parts, strict=True):
             arm = self._arm(i)
             free = np.full(arm.kernels.n, np.inf)
             limits = (arm.lower[0], arm.upper[0]) if limited else (-free, free)
             moved[i], gaps = project(
-                arm.kernels, q[i] + part[:, None] * tangent, arm.goals[0], *limits, steps=12
+                arm.kernels, q[i] + _along(tangent, part), arm.goals[0], *limits, steps=12
             )
             closed &= gaps <= CLOSED
         return moved, closed
 
     def _models(self, climbers: _Climbers, tangents: Sequence[Array]) -> Quadratics:
         """Models of the facets' distances in terms of the ways along the tangents."""
-        d, count = len(tangents), len(climbers.value)
+        d, count = sum(tangent.shape[2] for tangent in tangents), len(climbers.value)
         h = np.minimum(self.options.difference, climbers.region)
         pairs = list(combinations(range(d), 2))
         eye = np.eye(d)
@@ -190,24 +189,46 @@ class FacetAscent:
         value = np.where(lost, np.inf, first[:, 0])
         return Quadratics(value, (up - down) / (2 * h), bend)
 
-    def _box(self, climbers: _Climbers, tangents: Sequence[Array]) -> tuple[Array, Array]:
-        """The trust region, cut by joint limits to first order: lower and upper ends, (count, d)."""
-        ends = []
+    def _limits(self, climbers: _Climbers, tangents: Sequence[Array], slope: Array) -> Quadratics:
+        """Joint limits as functions that fall from the radius where they are met, so steeply that a
+        gain ends within them; they are met in the end.
+
+        Args:
+            climbers: at their postures.
+            tangents: there.
+            slope: of the steepest facet, (count,).
+        """
+        values, slopes, column = [], [], 0
+        d = sum(tangent.shape[2] for tangent in tangents)
         for i, tangent in zip(self._moving, tangents, strict=True):
-            q, arm = climbers.q[i], self._arm(i)
-            rate = np.where(tangent == 0, np.nan, tangent)
-            to_limits = np.stack([(arm.lower - q) / rate, (arm.upper - q) / rate])
-            back, ahead = to_limits.min(axis=0), to_limits.max(axis=0)
-            ends.append([np.nanmax(back, axis=1), np.nanmin(ahead, axis=1)])
-        limits = np.array(ends).transpose(1, 2, 0)
-        region = climbers.region[:, None]
-        # A posture on a limit may be beyond it by rounding.
-        return np.clip(limits[0], -region, 0.0), np.clip(limits[1], 0.0, region)
+            arm, q = self._arm(i), climbers.q[i]
+            rates = np.zeros((*q.shape, d))
+            rates[:, :, column : column + tangent.shape[2]] = tangent
+            column += tangent.shape[2]
+            size = np.maximum(np.linalg.norm(tangent, axis=2), self.options.still)
+            steep = (self.options.steeper * slope)[:, None]
+            for sign, limit in ((1.0, arm.upper), (-1.0, arm.lower)):
+                values.append(climbers.value[:, None] + steep * sign * (limit - q) / size)
+                slopes.append(-sign * (steep / size)[:, :, None] * rates)
+        value, fall = np.concatenate(values, axis=1), np.concatenate(slopes, axis=1)
+        return Quadratics(value, fall.swapaxes(1, 2), np.zeros((len(value), d, d, value.shape[1])))
 
     def _arm(self, i: int) -> ClosureManifold:
         arm = self.arms[i]
         assert arm is not None
         return arm
+
+
+def _chosen(better: Mask, new: Indices, old: Indices, also: int) -> Indices:
+    """Choices of facets to follow next: the nearest where a climber is, and a few of the others."""
+    also, better = min(also, new.shape[1]), better[:, :, None]
+    here = np.where(better, new, old[:, : new.shape[1]])
+    return np.concatenate([here, np.where(better, old[:, :also], new[:, :also])], axis=1)
+
+
+def _along(tangent: Array, x: Array) -> Array:
+    """Ways along tangents, (count, n, d), by so much, (count, d): (count, n)."""
+    return np.asarray((tangent @ x[:, :, None])[:, :, 0])
 
 
 def _written(ends: Sequence[Array], climbers: _Climbers) -> None:

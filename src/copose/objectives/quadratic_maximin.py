@@ -1,8 +1,4 @@
-"""The largest minimum of a few quadratic functions in a box, for many at once.
-
-Newton steps on a smooth stand-in that sharpens: −log Σ exp(−β m_k)/β of the functions m_k, with
-logarithmic barriers over β at the sides of the box.
-"""
+"""The largest minimum of a few quadratic functions in a cube, for many at once."""
 
 from __future__ import annotations
 
@@ -15,92 +11,120 @@ from copose.poses import Array
 
 @dataclass(frozen=True)
 class MaximinOptions:
-    """Sharpening and steps."""
+    """Steps of the interior-point method."""
 
-    blunt: float = 8.0  # first β, over the range of the functions in the box
-    sharper: float = 4.0  # times β, from one to the next
-    sharpenings: int = 16  # of β
-    steps: int = 2  # Newton steps for each
-    lengths: tuple[float, ...] = (0.0, 0.01, 0.05, 0.2, 0.5, 1.0)  # of a step, the best is taken
-    inside: float = 0.05  # of the box, from its sides, where the first step starts
-    back: float = 0.95  # of the way to a side that a step goes
-    flattest: float = 1e-12  # curvature over the largest that counts as any
+    iterations: int = 18  # of which each brings the gap down by
+    center: float = 0.2  # this factor, at best
+    back: float = 0.99  # of the way to a bound that a step goes
+    far: float = 1e3  # slack of functions that do not count, over the size of the others
+    flattest: float = 1e-12  # curvature that counts as any, over the same
+    least: float = 1e-14  # of slacks and multipliers, over the same
 
 
 @dataclass(frozen=True, eq=False)
 class Quadratics:
-    """Functions value + slope·x + xᵀ bend x/2 of x, (count, d), k for each."""
+    """Functions value + slope·x + xᵀ bend x/2 of x, (d,), k for each of many."""
 
     value: Array  # (count, k), infinite of what does not count
     slope: Array  # (count, d, k)
     bend: Array  # (count, d, d, k)
 
+    def joined(self, others: Quadratics) -> Quadratics:
+        """These and others."""
+        parts = ((self.value, others.value), (self.slope, others.slope), (self.bend, others.bend))
+        return Quadratics(*(np.concatenate(each, axis=-1) for each in parts))
+
     def values(self, x: Array) -> Array:
-        """Values at points, (count, p, d): (count, p, k)."""
-        square = x[:, :, :, None] * x[:, :, None, :] / 2
-        count, p, d = x.shape
-        bent = square.reshape(count, p, d * d) @ self.bend.reshape(count, d * d, -1)
-        return np.asarray(self.value[:, None] + x @ self.slope + bent)
+        """Values at a point of each, (count, d): (count, k)."""
+        bent = (self.bend * x[:, None, :, None]).sum(axis=2) / 2
+        return np.asarray(self.value + (x[:, None] @ (self.slope + bent))[:, 0])
 
     def slopes(self, x: Array) -> Array:
         """Derivatives at a point of each, (count, d): (count, d, k)."""
         return np.asarray(self.slope + (self.bend * x[:, None, :, None]).sum(axis=2))
 
+    def scaled(self, region: Array, far: float) -> tuple[Quadratics, Array]:
+        """The same of x over the region, (count,), less the least at zero and over their size."""
+        width = region[:, None, None]
+        counts = np.isfinite(self.value) & (self.value < np.inf)
+        slope = np.where(counts[:, None], self.slope * width, 0.0)
+        bend = np.where(counts[:, None, None], self.bend * width[:, None] ** 2, 0.0)
+        steep = np.abs(slope).sum(axis=1)
+        size = steep.sum(axis=1, keepdims=True) / np.maximum(1, counts.sum(axis=1, keepdims=True))
+        size = np.where(size > 0, size, 1.0)
+        least = np.where(counts, self.value, np.inf).min(axis=1, keepdims=True)
+        value = np.full_like(self.value, far)
+        np.divide(self.value - least, size, out=value, where=counts)
+        scaled = Quadratics(
+            np.minimum(value, far), slope / size[:, None], bend / size[:, None, None]
+        )
+        return scaled, size[:, 0]
+
 
 def maximin(
-    functions: Quadratics, low: Array, high: Array, options: MaximinOptions = MaximinOptions()
+    functions: Quadratics, region: Array, options: MaximinOptions = MaximinOptions()
 ) -> tuple[Array, Array]:
-    """Where the least of the functions is largest near zero within a box, (count, d), and that."""
-    width = np.maximum(high - low, 1e-300)
-    x = np.clip(0.0, low + options.inside * width, high - options.inside * width)
-    span = (np.abs(functions.slopes(x)) * width[:, :, None]).sum(axis=1).max(axis=1)
-    beta = options.blunt / np.maximum(span, 1e-300)
-    lengths = np.array(options.lengths)
-    rows = np.arange(len(x))
-    for _ in range(options.sharpenings):
-        stand_in = _StandIn(functions, low, high, beta)
-        for _ in range(options.steps):
-            step = stand_in.step(x, options.flattest)
-            room = np.where(step > 0, high - x, x - low) * options.back
-            size = np.abs(step)
-            part = np.divide(room, size, out=np.ones_like(room), where=size > room).min(axis=1)
-            tried = x[:, None] + lengths[:, None] * (part[:, None] * step)[:, None]
-            x = tried[rows, stand_in.values(tried).argmax(axis=1)]
-        beta = beta * options.sharper
-    return x, functions.values(x[:, None])[:, 0].min(axis=1)
+    """Where the least of the functions is largest near zero in a cube, half as wide as ``region``.
+
+    A primal-dual interior-point method with every curvature of the Lagrangian taken downwards; the
+    best of its iterates.
+
+    Returns:
+        The point, (count, d), and the least of the functions there over that at zero, (count,).
+    """
+    scaled, size = functions.scaled(region, options.far)
+    count, d, k = scaled.slope.shape
+    # The sides of the cube are functions too, but not among those whose least is looked for.
+    cube = np.concatenate([np.eye(d), -np.eye(d)], axis=1)
+    counted = np.concatenate([np.ones(k), np.zeros(2 * d)])
+    x, t = np.zeros((count, d)), np.full(count, -1.0)
+    s = np.concatenate([scaled.value + 1.0, np.ones((count, 2 * d))], axis=1)
+    z = 1 / s
+    z /= (z * counted).sum(axis=1, keepdims=True)
+    best, highest = np.zeros((count, d)), np.zeros(count)
+    for _ in range(options.iterations):
+        G = np.concatenate(
+            [scaled.slopes(x), np.broadcast_to(-cube, (count, d, 2 * d))], axis=2
+        )
+        values = np.concatenate([scaled.values(x), 1 - x @ cube], axis=1)
+        primal = values - counted * t[:, None] - s
+        gap = (s * z).mean(axis=1, keepdims=True)
+        weight = z / s
+        moved = (options.center * gap - s * z - z * primal) / s
+        curvature = -(scaled.bend @ z[:, None, :k, None])[..., 0]
+        matrix = np.zeros((count, d + 1, d + 1))
+        matrix[:, :d, :d] = _upward(curvature, options.flattest)
+        matrix[:, :d, :d] += (G * weight[:, None]) @ G.swapaxes(1, 2)
+        matrix[:, :d, d] = matrix[:, d, :d] = -(G @ (weight * counted)[:, :, None])[:, :, 0]
+        matrix[:, d, d] = (weight * counted).sum(axis=1)
+        right = np.empty((count, d + 1))
+        right[:, :d] = (G @ (z + moved)[:, :, None])[:, :, 0]
+        right[:, d] = 1 - ((z + moved) * counted).sum(axis=1)
+        step = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
+        dx, dt = step[:, :d], step[:, d]
+        ds = (dx[:, None] @ G)[:, 0] - counted * dt[:, None] + primal
+        dz = moved - weight * (ds - primal)
+        forward, upward = _room(s, ds, options.back), _room(z, dz, options.back)
+        x = x + forward[:, None] * dx
+        t = t + forward * dt
+        s = np.maximum(s + forward[:, None] * ds, options.least)
+        z = np.maximum(z + upward[:, None] * dz, options.least)
+        x = np.clip(x, -1.0, 1.0)
+        reached = scaled.values(x).min(axis=1)
+        better = reached > highest
+        best, highest = np.where(better[:, None], x, best), np.where(better, reached, highest)
+    return best * region[:, None], highest * size
 
 
-@dataclass(frozen=True, eq=False)
-class _StandIn:
-    functions: Quadratics
-    low: Array
-    high: Array
-    beta: Array  # (count,)
+def _upward(curvature: Array, flattest: float) -> Array:
+    """Symmetric matrices, (count, d, d), with every eigenvalue taken positive."""
+    values, axes = np.linalg.eigh(curvature)
+    values = np.maximum(np.abs(values), flattest)
+    return np.asarray((axes * values[:, None]) @ axes.swapaxes(1, 2))
 
-    def values(self, x: Array) -> Array:
-        """Values at points, (count, p, d): (count, p)."""
-        m = self.functions.values(x)
-        least = m.min(axis=2)
-        beta = self.beta[:, None]
-        soft = np.log(np.exp(-beta[:, :, None] * (m - least[:, :, None])).sum(axis=2))
-        sides = (x - self.low[:, None]) * (self.high[:, None] - x)
-        return np.asarray(least + (np.log(sides).sum(axis=2) - soft) / beta)
 
-    def step(self, x: Array, flattest: float) -> Array:
-        """The Newton step at a point of each, (count, d), with every curvature taken downwards."""
-        m, beta = self.functions.values(x[:, None])[:, 0], self.beta[:, None]
-        share = np.exp(-beta * (m - m.min(axis=1, keepdims=True)))
-        share /= share.sum(axis=1, keepdims=True)
-        slopes = self.functions.slopes(x)
-        mean = (slopes @ share[:, :, None])[:, :, 0]
-        apart = slopes - mean[:, :, None]
-        bend = (self.functions.bend @ share[:, None, :, None])[:, :, :, 0]
-        bend -= beta[:, :, None] * ((apart * share[:, None]) @ apart.swapaxes(1, 2))
-        below, above = 1 / (x - self.low), 1 / (self.high - x)
-        slope = mean + (below - above) / beta
-        sides = (below**2 + above**2) / beta
-        curvature, axes = np.linalg.eigh(bend - sides[:, :, None] * np.eye(x.shape[1]))
-        size = np.abs(curvature)
-        size = np.maximum(size, flattest * size.max(axis=1, keepdims=True))
-        along = (axes.swapaxes(1, 2) @ slope[:, :, None])[:, :, 0] / size
-        return np.asarray((axes @ along[:, :, None])[:, :, 0])
+def _room(values: Array, steps: Array, back: float) -> Array:
+    """The part of steps, at most 1, that keeps positive values positive, (count,)."""
+    part = np.full_like(values, np.inf)
+    np.divide(-values, steps, out=part, where=np.asarray(steps < 0))
+    return np.asarray(np.minimum(1.0, back * part.min(axis=1)))

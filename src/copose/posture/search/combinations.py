@@ -100,6 +100,8 @@ class Combinations:
         options = self._options
         part = min(1.0, options.plain_spare / max(self._spare, 1))
         most = max(options.fewest_starts, int(self.effort.polished * part))
+        if self._model.objective.costly and self._spare > len(self.arms.postures):
+            return most * options.sampled_starts
         return most * options.kinked_starts if self._by_programs else most
 
     def _combine(self) -> None:
