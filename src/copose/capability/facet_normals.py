@@ -1,9 +1,9 @@
 """Normals of a zonotope's facets by minors, of many zonotopes at once.
 
-A facet is parallel to m − 1 generators, and its normal is their generalised cross product: the minors
-of order m − 1 of their matrix. Minors grow column by column (Laplace's expansion along the last), and
-those of two groups of columns are multiplied into those of both (the same along several): far fewer
-operations than a decomposition for each choice of generators.
+A facet is parallel to m − 1 generators, and its normal is their generalised cross product: the
+minors of order m − 1 of their matrix. Minors grow column by column (Laplace's expansion along the
+last), and those of two groups of columns are multiplied into those of both (the same along
+several): far fewer operations than a decomposition for each choice of generators.
 """
 
 from __future__ import annotations
@@ -121,7 +121,8 @@ def _products(m: int) -> tuple[_Product, ...]:
             rest = [tuple(row for row in kept if row not in rows) for rows in chosen]
             left.append([number[rows] for rows in chosen])
             right.append([other[rows] for rows in rest])
-            sign.append([_parity((out, *rows, *others)) for rows, others in zip(chosen, rest)])
+            orders = [(out, *rows, *others) for rows, others in zip(chosen, rest, strict=True)]
+            sign.append([_parity(order) for order in orders])
         products.append(_Product(k, np.array(left), np.array(right), np.array(sign)[:, None]))
     return tuple(products)
 
@@ -141,7 +142,7 @@ def _grown(n: int, k: int) -> tuple[Indices, Indices]:
 
 
 def _all_minors(V: Array) -> list[Array]:
-    """Minors of order 0 … m − 1 of matrices, (count, m, n): (count, rows chosen, columns chosen)."""
+    """Minors of order 0 … m − 1 of matrices, (count, m, n): (count, rows, columns) each."""
     count, m, n = V.shape
     columns = V.transpose(1, 2, 0)
     minors = [np.ones((1, 1, count)), columns]

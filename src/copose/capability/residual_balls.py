@@ -1,8 +1,8 @@
 """The largest balls of accelerations around rest within torque limits, of many postures at once.
 
-With K τ = S a + r the forward dynamics of the closed chain, see `TorqueReach`, every vector w bounds
-the radius by (‖T Kᵀw‖₁ − |wᵀr|) / ‖Sᵀw‖, S on the axes that count; the radius is the least of these
-bounds, and it belongs to the normal of a facet. K, S and r are sums over the arms.
+With K τ = S a + r the forward dynamics of the closed chain, see `TorqueReach`, every vector w
+bounds the radius by (‖T Kᵀw‖₁ − |wᵀr|) / ‖Sᵀw‖, S on the axes that count; the radius is the least
+of these bounds, and it belongs to the normal of a facet. K, S and r are sums over the arms.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ class ResidualBalls:
         return np.where(whitened.sound[:, None], radii, np.nan)
 
     def bounds(self, w: Array, chosen: Indices) -> Array:
-        """The least bounds of the radii of combinations, (count, K), by vectors w, (k, m): (count,)."""
+        """Least bounds of the radii of combinations, (count, K), by vectors w, (k, m): (count,)."""
         pushed, shift, moved = (
             sum(part[rows] for part, rows in zip(parts, chosen.T, strict=True))
             for parts in self._cuts(w)
@@ -151,7 +151,7 @@ class ResidualBalls:
         return np.asarray(_ratio(pushed - np.abs(shift), (moved**2).sum(axis=2)).min(axis=1))
 
     def table(self, w: Array) -> Array:
-        """The same of all postures of an arm, or pairs of two arms' postures, (count_1[, count_2])."""
+        """The same of all postures of one arm, (count,), or pairs of two, (count_1, count_2)."""
         least = np.full(self.counts, np.inf)
         pushed, shift, moved = self._cuts(w)
         fixed, still = w @ self.weight, w @ self.inertia
@@ -214,10 +214,10 @@ class _Whitened:
     def even(self) -> Array:
         """The generators at unit length, (count, m, N)."""
         sizes = np.linalg.norm(self.V, axis=1, keepdims=True)
-        return np.divide(self.V, sizes, out=np.zeros_like(self.V), where=sizes > 0)
+        return np.asarray(self.V / np.where(sizes > 0, sizes, 1.0))
 
     def radii(self, y: Array, nothing: float) -> Array:
-        """Distances of half-spaces with normals y, (count, m, k), of any length but zero: (count, k)."""
+        """Distances of half-spaces with normals y, (count, m, k), of any length: (count, k)."""
         sizes = np.sqrt((y * y).sum(axis=1))
         room = np.abs(self.V.swapaxes(1, 2) @ y).sum(axis=1) - np.abs(self.r[:, None] @ y)[:, 0]
         moved = self.S.swapaxes(1, 2) @ y

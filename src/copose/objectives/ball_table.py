@@ -1,7 +1,8 @@
 """The largest ball of accelerations of all combinations of one or two arms' postures, with a bound.
 
-A vector that bounds the radius of one combination bounds that of all: each combination whose facets
-are enumerated lowers the bounds of its neighbours, and what stays below the best is never looked at.
+A vector that bounds the radius of one combination bounds that of all: each combination whose
+facets are enumerated lowers the bounds of its neighbours, and what stays below the best is never
+looked at.
 """
 
 from __future__ import annotations
@@ -88,7 +89,9 @@ class _Table:
         normals = normals.reshape(-1, normals.shape[2])
         upper = balls.table(normals[np.isfinite(normals).all(axis=1)]).ravel()
         upper = np.where(np.isnan(upper), -np.inf, upper)
-        return cls(balls, options, upper, np.zeros(size, dtype=bool), np.flatnonzero(upper > -np.inf))
+        return cls(
+            balls, options, upper, np.zeros(size, dtype=bool), np.flatnonzero(upper > -np.inf)
+        )
 
     def entries(self, numbers: Indices) -> Indices:
         """Combinations, (count, K), by their numbers."""
@@ -126,5 +129,5 @@ class _Table:
         # Of equal worth those that were evaluated come first.
         order = np.lexsort((~self.exact[numbers], -worth[numbers]))
         numbers = numbers[order]
-        bound = max(0.0, bound) if np.isfinite(bound) else None
-        return Ranked(self.entries(numbers), worth[numbers], self.upper.size, bound)
+        known = max(0.0, bound) if np.isfinite(bound) else None
+        return Ranked(self.entries(numbers), worth[numbers], self.upper.size, known)

@@ -1,7 +1,8 @@
 """Local maxima of the largest ball of accelerations along the arms' self-motions.
 
-Each of the nearest facets moves smoothly with the posture as long as it is parallel to the same
-generators: a quadratic model of each, and the largest minimum of these models within a trust region.
+A facet moves smoothly with the posture as long as it is parallel to the same generators. So each
+of the nearest has a quadratic model, and a step goes to the largest minimum of these models within
+a trust region.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class AscentOptions:
     gain: float = 1e-12  # predicted, relative, that is the end
     hope: float = 10.0  # times the gain predicted last that a start may gain to come up to the best
     steeper: float = 30.0  # times the steepest facet, that limits fall beyond joint positions
-    still: float = 1e-6  # rate of a joint along the self-motion that counts as none
+    still: float = 1e-6  # rate of a joint, or slope of a facet, that counts as none
     tie: float = 1e-9  # of the best, relative, within which none falls behind
 
 
@@ -51,8 +52,10 @@ class _Climbers:
 
     def taken(self, rows: Mask) -> _Climbers:
         """Some of them."""
-        parts = (self.value, self.choices, self.region, self.gain, self.done)
-        return _Climbers(self.number[rows], [q[rows] for q in self.q], *(p[rows] for p in parts))
+        return _Climbers(
+            self.number[rows], [q[rows] for q in self.q], self.value[rows], self.choices[rows],
+            self.region[rows], self.gain[rows], self.done[rows],
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +85,8 @@ class FacetAscent:
         climbers, best = self._starting(q), -np.inf
         ends = [np.full_like(part, np.nan) for part in q]
         for _ in range(self.options.steps if self._moving else 0):
+            if not len(climbers.number):
+                break
             climbers = self._stepped(climbers)
             best = max(best, climbers.value.max(initial=-np.inf))
             if race:
@@ -91,8 +96,6 @@ class FacetAscent:
                 )
             _written(ends, climbers.taken(climbers.done))
             climbers = climbers.taken(~climbers.done)
-            if not len(climbers.number):
-                break
         _written(ends, climbers)
         return ends
 
@@ -141,7 +144,8 @@ class FacetAscent:
         for i in self._moving:
             arm = self._arm(i)
             _, J = arm.kernels.residual(q[i], arm.goals[0])
-            tangents.append(np.linalg.qr(J.swapaxes(1, 2), mode="complete")[0][:, :, arm.spare * -1 :])
+            Q, _ = np.linalg.qr(J.swapaxes(1, 2), mode="complete")
+            tangents.append(Q[:, :, arm.kernels.m :])
         return tangents
 
     def _moved(
@@ -167,27 +171,14 @@ class FacetAscent:
         """Models of the facets' distances in terms of the ways along the tangents."""
         d, count = sum(tangent.shape[2] for tangent in tangents), len(climbers.value)
         h = np.minimum(self.options.difference, climbers.region)
-        pairs = list(combinations(range(d), 2))
-        eye = np.eye(d)
-        offsets = np.array([0 * eye[0], *eye, *-eye, *(eye[k] + eye[j] for k, j in pairs)])
-        x = (h[:, None, None] * offsets).reshape(-1, d)
-        rows = np.repeat(np.arange(count), len(offsets))
+        x = (h[:, None, None] * _stencil(d)).reshape(-1, d)
+        rows = np.repeat(np.arange(count), len(x) // count)
         q, _ = self._moved(
             [part[rows] for part in climbers.q], [t[rows] for t in tangents], x, limited=False
         )
-        choices = climbers.choices[rows]
-        values = self.balls(q).tracked(row_by_row(len(rows), len(q)), choices)
-        values = values.reshape(count, len(offsets), -1)
-        lost = ~np.isfinite(values).all(axis=1)
-        values = np.where(lost[:, None], 0.0, values)
-        first, up, down, both = np.split(values, [1, 1 + d, 1 + 2 * d], axis=1)
-        h = h[:, None, None]
-        bend = np.zeros((count, d, d, values.shape[2]))
-        bend[:, range(d), range(d)] = (up + down - 2 * first) / h**2
-        for n, (k, j) in enumerate(pairs):
-            bend[:, k, j] = bend[:, j, k] = (both[:, n] - up[:, k] - up[:, j] + first[:, 0]) / h[:, 0]**2
-        value = np.where(lost, np.inf, first[:, 0])
-        return Quadratics(value, (up - down) / (2 * h), bend)
+        balls = self.balls(q)
+        values = balls.tracked(row_by_row(len(rows), len(q)), climbers.choices[rows])
+        return _fitted(values.reshape(count, len(x) // count, -1), d, h)
 
     def _limits(self, climbers: _Climbers, tangents: Sequence[Array], slope: Array) -> Quadratics:
         """Joint limits as functions that fall from the radius where they are met, so steeply that a
@@ -206,7 +197,7 @@ class FacetAscent:
             rates[:, :, column : column + tangent.shape[2]] = tangent
             column += tangent.shape[2]
             size = np.maximum(np.linalg.norm(tangent, axis=2), self.options.still)
-            steep = (self.options.steeper * slope)[:, None]
+            steep = self.options.steeper * np.maximum(slope, self.options.still)[:, None]
             for sign, limit in ((1.0, arm.upper), (-1.0, arm.lower)):
                 values.append(climbers.value[:, None] + steep * sign * (limit - q) / size)
                 slopes.append(-sign * (steep / size)[:, :, None] * rates)
@@ -217,6 +208,25 @@ class FacetAscent:
         arm = self.arms[i]
         assert arm is not None
         return arm
+
+
+def _stencil(d: int) -> Array:
+    """Points at which quadratic functions of d coordinates are known: 0, ±e_k and e_k + e_j."""
+    unit = np.eye(d)
+    return np.array([0 * unit[0], *unit, *-unit, *(a + b for a, b in combinations(unit, 2))])
+
+
+def _fitted(values: Array, d: int, h: Array) -> Quadratics:
+    """Quadratic functions from their values at so many times the stencil, (count, points, k)."""
+    lost = np.asarray(~np.isfinite(values).all(axis=1))
+    values = np.where(lost[:, None], 0.0, values)
+    first, up, down, both = np.split(values, [1, 1 + d, 1 + 2 * d], axis=1)
+    h = h[:, None, None]
+    bend = np.zeros((len(values), d, d, values.shape[2]))
+    bend[:, range(d), range(d)] = (up + down - 2 * first) / h**2
+    k, j = np.array(list(combinations(range(d), 2)), dtype=np.intp).reshape(-1, 2).T
+    bend[:, k, j] = bend[:, j, k] = (both - up[:, k] - up[:, j] + first) / h**2
+    return Quadratics(np.where(lost, np.inf, first[:, 0]), (up - down) / (2 * h), bend)
 
 
 def _chosen(better: Mask, new: Indices, old: Indices, also: int) -> Indices:

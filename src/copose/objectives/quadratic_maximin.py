@@ -83,9 +83,7 @@ def maximin(
     z /= (z * counted).sum(axis=1, keepdims=True)
     best, highest = np.zeros((count, d)), np.zeros(count)
     for _ in range(options.iterations):
-        G = np.concatenate(
-            [scaled.slopes(x), np.broadcast_to(-cube, (count, d, 2 * d))], axis=2
-        )
+        G = np.concatenate([scaled.slopes(x), np.broadcast_to(-cube, (count, d, 2 * d))], axis=2)
         values = np.concatenate([scaled.values(x), 1 - x @ cube], axis=1)
         primal = values - counted * t[:, None] - s
         gap = (s * z).mean(axis=1, keepdims=True)

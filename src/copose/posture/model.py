@@ -227,10 +227,9 @@ class PostureModel:
 
     def manifold(self, setting: Setting, i: int) -> ClosureManifold:
         """Closed postures of arm i within its limits."""
-        parts = setting.placement.goals[i], setting.lower[i], setting.upper[i]
-        return ClosureManifold(
-            self.arms[i], *(part[None] for part in parts), setting.cell.turns(i)[None]
-        )
+        goal, turns = setting.placement.goals[i], setting.cell.turns(i)
+        limits = setting.lower[i][None], setting.upper[i][None]
+        return ClosureManifold(self.arms[i], goal[None], *limits, turns[None])
 
     def terms(self, setting: Setting, i: int, q: Array) -> Array:
         """Terms of arm i in the sums by which postures are compared, (count, s), at (count, n)."""

@@ -196,9 +196,7 @@ class LocalSearches:
         model, setting = self.model, self.setting
         constrained = bool(model.feasibility.constraints)
         arms = [model.manifold(setting, i) for i in range(len(model.arms))]
-        parts = setting.objective.ascended(
-            setting, arms, model.split(starts), race=not constrained
-        )
+        parts = setting.objective.ascended(setting, arms, model.split(starts), race=not constrained)
         if parts is None:
             return self._solve(starts)
         ends = np.hstack(parts)

@@ -106,7 +106,7 @@ class Combinations:
 
     def _combine(self) -> None:
         """Screen, judge and climb, then combine anew; fills what is known as it goes."""
-        model, setting, arms = self._model, self._setting, self.arms
+        model, arms = self._model, self.arms
         stage("comparing postures")
         rng = np.random.default_rng([self.seed, len(arms.postures)])
         best = self._ranked(arms, rng, self.allowed, first=True)
