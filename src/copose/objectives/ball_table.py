@@ -24,7 +24,7 @@ class TableOptions:
     first: int = 16  # entries whose facets bound all others at first
     at_once: int = 16  # entries that are evaluated together
     normals: int = 2  # facets of each that bound the others
-    gap: float = 0.01  # of the best, relative, within which the bound has to come
+    gap: float = 0.02  # of the best, relative, within which the bound has to come
     most: int = 768  # entries that are evaluated, at most
     asked: int = 256  # entries that are asked together whether they are allowed
     most_asked: int = 16384  # the same, altogether

@@ -30,7 +30,7 @@ class AscentOptions:
     widest: float = 0.3  # trust region, at most
     difference: float = 2e-5  # step of differences, rad or m: facets have kinks nearby
     smallest: float = 1e-9  # trust region that is the end
-    steps: int = 40  # at most
+    steps: int = 60  # at most
     gain: float = 1e-12  # predicted, relative, that is the end
     hope: float = 10.0  # times the gain predicted last that a start may gain to come up to the best
     steeper: float = 30.0  # times the steepest facet, that limits fall beyond joint positions

@@ -102,7 +102,7 @@ class Combinations:
         most = max(options.fewest_starts, int(self.effort.polished * part))
         if self._model.objective.costly and self._spare > len(self.arms.postures):
             return most * options.sampled_starts
-        return most * options.kinked_starts if self._by_programs else most
+        return most if self._model.objective.summable else most * options.kinked_starts
 
     def _combine(self) -> None:
         """Screen, judge and climb, then combine anew; fills what is known as it goes."""
