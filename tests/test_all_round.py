@@ -256,3 +256,23 @@ def test_static_torque_and_clearance_are_kept() -> None:
         free = {key: value for key, value in cell.items() if key != "constraints"}
         assert solution.objective.after <= copose.solve(parse(free)).objective.after + 1e-7
         assert solution.search.best_sample <= solution.search.bound + 1e-9
+
+
+def test_an_ascent_keeps_joint_limits_to_the_last_bit() -> None:
+    """The best posture of two Pandas is at one, and many ascents meet others on their way."""
+    cell = tables("two-panda-box")
+    cell["objective"] = objective("all-round", "spatial")
+    planner, q, _ = ready(cell)
+    model, setting = planner._model, planner._nominal
+    arms = [model.manifold(setting, i) for i in range(2)]
+    ends = np.hstack(model.objective.ascended(setting, arms, [part[:12] for part in q], race=False))
+    lower, upper = setting.bounds
+    assert np.all((ends >= lower) & (ends <= upper))
+    assert np.any((ends <= lower + 1e-6) | (ends >= upper - 1e-6))
+    assert max(np.abs(gap).max() for gap in gaps(model, setting, ends)) < 1e-9
+
+
+def gaps(model: object, setting: object, q: np.ndarray) -> list[np.ndarray]:
+    """Residuals of the closure by arm."""
+    parts = zip(model.arms, model.split(q), setting.placement.goals, strict=True)
+    return [kernels.residual(part, goal)[0] for kernels, part, goal in parts]
