@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import io
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,9 +21,13 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 import copose
+from copose.batch.run import run_points
 from copose.live.page import Page
 from copose.live.scene.gizmos import Gizmo
 from copose.poses import Pose
+from copose.studies.folder import StudyFolder
+from copose.studies.study import Study
+from copose.studies.table import StudyTable
 
 sys.path.append(str(gallery.ROOT / "tests"))
 
@@ -53,6 +58,17 @@ ACTS = {"beyond-reach": moved(0.0, 0.9, 0.0)}
 TABS = {"by-hand": "By hand", "panda-carry-path": "Path"}
 
 
+def opened(name: str) -> copose.Problem | StudyTable:
+    """What a page is opened with: a problem, or the table of a study that is run first."""
+    file = gallery.file_of(name)
+    if not name.startswith("studies/"):
+        return copose.load(file)
+    with tempfile.TemporaryDirectory() as place:
+        folder = StudyFolder(Path(place))
+        run_points(Study.read(file), folder)
+        return StudyTable.of(folder.study(), folder)
+
+
 def place_of(name: str) -> Path:
     """The file of a picture."""
     return gallery.PROBLEMS / f"pictures/live-{name}.png"
@@ -61,7 +77,7 @@ def place_of(name: str) -> Path:
 def picture(name: str, chromium: browser.Chromium) -> bytes:
     """What a browser shows of a page, in few colours, with what it is of in its text chunks."""
     problem = gallery.LIVE[name][0]
-    page = Page(copose.load(gallery.file_of(problem)), host="127.0.0.1", port=0)
+    page = Page(opened(problem), host="127.0.0.1", port=0)
     try:
         with chromium.view(SIZE) as view:
             view.open(page.address, "/object", "/drag/object")

@@ -542,7 +542,8 @@ def test_one_placement_serves_all_cases() -> None:
         assert posture.object.position == pytest.approx(place, abs=1e-12)
         # What the case would be worth alone, with base and grasp where they were found.
         where["objective"]["directions"] = [{"direction": u.tolist()}]
-        alone = solved(where).objective.after
+        planner = copose.Planner(copose.parse(where))
+        alone = max(planner.solve(seed=seed).objective.after for seed in range(4))
         assert posture.objective >= alone - 1e-6
         assert posture.objective == pytest.approx(alone, abs=1e-6)
 

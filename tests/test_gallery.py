@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import tomllib
+from pathlib import Path
 
 import gallery
 import pytest
 from PIL import Image
 
 from cells import FILES
+from copose.problem import is_study
 
 NAMES = sorted(file.stem for file in FILES)
 PLANAR = [file.stem for file in FILES if 'space = "planar' in file.read_text()]
@@ -23,7 +26,10 @@ def chunks(name: str) -> dict[str, str]:
 def test_the_page_has_a_row_for_every_problem() -> None:
     assert sorted(name for names in gallery.GROUPS.values() for name in names) == NAMES
     assert gallery.PAGE.read_text() == gallery.page(), "run benchmarks/gallery.py"
-    assert {file.stem for file in gallery.PICTURES.iterdir()} == {*NAMES}
+    assert {file.stem for file in gallery.PICTURES.iterdir()} == {*NAMES, *gallery.STUDIES}
+    studies = gallery.PROBLEMS.glob("studies/*.toml")
+    named = {file.stem for file in studies if is_study(tomllib.loads(file.read_text()))}
+    assert named == {*gallery.STUDIES}
 
 
 @pytest.mark.parametrize("name", gallery.LIVE)
@@ -38,7 +44,7 @@ def test_pictures_of_the_live_page_are_of_problems_as_they_are(name: str) -> Non
     assert f'<img src="pictures/live-{name}.png" width="600" alt="{words}">' in gallery.page()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, *gallery.STUDIES])
 def test_a_picture_is_of_the_problem_as_it_is(name: str) -> None:
     told = chunks(name)
     assert told["problem"] == gallery.digest(name), f"run benchmarks/gallery.py {name}"
@@ -53,3 +59,11 @@ def test_a_picture_is_of_the_problem_as_it_is(name: str) -> None:
 def test_a_picture_is_of_the_answer_as_it_is(name: str) -> None:
     shown = json.loads(chunks(name)["objective"])
     assert gallery.answer(name).objective.after == pytest.approx(shown, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", gallery.STUDIES)
+def test_a_map_is_of_the_answers_as_they_are(name: str, tmp_path: Path) -> None:
+    shown = json.loads(chunks(name)["objective"])
+    table = gallery.study_table(name, tmp_path)
+    assert table.numbers["objective"][table.best(1)[0]] == pytest.approx(shown, rel=1e-6, abs=1e-6)

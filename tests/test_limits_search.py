@@ -141,7 +141,7 @@ def test_a_hold_that_no_sample_has_is_found(monkeypatch) -> None:
     best = copose.solve(parse(cell)).objective.after
 
     def none_held(machinery, setting, postures, near, screened, most):
-        if machinery.cell.problem.constraints.static_torque:
+        if any(constraint.torque_limited for constraint in machinery.feasibility.constraints):
             return Screened(screened.chosen[:0], screened.scores[:0], screened.combinations)
         return judged(machinery, setting, postures, near, screened, most)
 

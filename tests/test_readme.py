@@ -26,11 +26,14 @@ import pytest
 from matplotlib.image import imread
 
 import copose
+from copose.batch import check_study
 from copose.commands.command_line import main
 from copose.manual import page, topics
 from copose.motion import described
 from copose.posture import check
-from copose.problem import RobotArm
+from copose.problem import RobotArm, is_study
+from copose.studies import Study
+from copose.studies.study_file import StudyFile
 from reference import PROBLEMS
 
 ROOT = PROBLEMS.parent
@@ -209,7 +212,11 @@ def run_shell(block: Block) -> None:
 def run_tables(block: Block) -> None:
     tables = tomllib.loads(block.text)
     if block.words == "parsed":
-        assert {*tables} <= {*RobotArm.model_fields}
+        assert {*tables} <= {*RobotArm.model_fields, *StudyFile.model_fields}
+        return
+    if is_study(tables):
+        Path(block.words).write_text(block.text)
+        check_study(Study.read(block.words))
         return
     into = re.fullmatch(r"into ([\w-]+)", block.words)
     if into is None:
@@ -224,6 +231,9 @@ def run_tables(block: Block) -> None:
 
 
 def run_python(block: Block) -> None:
+    if block.words == "parsed":
+        ast.parse(block.text)
+        return
     exec(compile(block.text, block.language, "exec"), {})
 
 
@@ -249,8 +259,8 @@ def test_the_blocks_of_the_manual_run(name: str, here: Path, monkeypatch) -> Non
         "paths": "carried/path.png",
     }
     for shown in pictures(name):
-        # Those of the live page are the gallery's.
-        if not shown.name.startswith("live-"):
+        # Those of the live page and of studies are the gallery's.
+        if not (shown.name.startswith("live-") or shown.parent.name == "gallery"):
             same_picture(shown, here / drawn[name])
 
 

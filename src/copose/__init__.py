@@ -9,6 +9,7 @@ Public names load what they need when they are first used.
 # Nothing is imported before it is needed: the command comes by here before it can heed ^C.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from copose.batch import run_study
     from copose.capability import Ellipsoid
     from copose.errors import CoposeError, InputError
     from copose.formats import export
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from copose.progress import Progress
     from copose.report import compare, draw
     from copose.results import Motion, Solution, read_motion, read_solution
+    from copose.studies import read_study
     from copose.version import __version__
 
 _HOMES = {
@@ -46,6 +48,8 @@ _HOMES = {
     "plan": "motion",
     "read_motion": "results",
     "read_solution": "results",
+    "read_study": "studies",
+    "run_study": "batch",
     "solve": "posture",
     "verify": "posture",
 }
@@ -74,6 +78,8 @@ __all__ = [
     "plan",
     "read_motion",
     "read_solution",
+    "read_study",
+    "run_study",
     "solve",
     "verify",
 ]

@@ -10,7 +10,7 @@ import numpy as np
 
 from copose.errors import InputError, blamed_on
 from copose.poses import Pose
-from copose.problem import Problem, aimed, check_depth, is_planar, overridden, read_tables
+from copose.problem import Problem, aimed, check_depth, is_planar, is_study, overridden, read_tables
 from copose.problem import parse as parse_complete
 from copose.robots import load_arms
 
@@ -37,7 +37,10 @@ def load(
             message names the first fault and how many more there are.
     """
     file = Path(path)
-    data = taught(read_tables(file), file)
+    data: Mapping[str, Any] = read_tables(file)
+    if is_study(data):
+        raise InputError("is a study file; `copose study` runs it", file=file)
+    data = taught(data, file)
     with blamed_on(file):
         data = aimed(overridden(data, set or {}), objective, direction)
     return parse_complete(data, file)

@@ -28,6 +28,7 @@ class Progress:
         total: all parts of the stage; None where they are not counted.
         best: the best objective so far, None where there is none yet.
         elapsed: s since the call, or the command, began.
+        left: s until the stage ends, about; None where that is not known.
     """
 
     stage: str
@@ -35,6 +36,7 @@ class Progress:
     total: int | None
     best: float | None
     elapsed: float
+    left: float | None = None
 
 
 Tell: TypeAlias = Callable[[Progress], object]
@@ -98,16 +100,18 @@ class Watch:
         """See `attained`."""
         now = self._now
         if math.isfinite(objective) and (now.best is None or objective > now.best):
-            self._say(now.stage, now.done, now.total, objective)
+            self._say(replace(now, best=objective))
 
-    def stage(self, name: str, done: int | None, total: int | None) -> None:
+    def stage(
+        self, name: str, done: int | None, total: int | None, left: float | None = None
+    ) -> None:
         """See `stage`."""
-        self._say(name, done, total, self._now.best)
+        self._say(Progress(name, done, total, self._now.best, 0.0, left))
 
-    def _say(self, stage: str, done: int | None, total: int | None, best: float | None) -> None:
+    def _say(self, now: Progress) -> None:
         if self._hushed:
             return
-        self._now = Progress(stage, done, total, best, time.perf_counter() - self.began)
+        self._now = replace(now, elapsed=time.perf_counter() - self.began)
         if self.told is not None:
             self.told(self._now)
 
@@ -149,8 +153,10 @@ def watched(
         _watch.reset(token)
 
 
-def stage(name: str, done: int | None = None, total: int | None = None) -> None:
-    """Tell the stage that begins, in a word that ends in -ing, and how far it is.
+def stage(
+    name: str, done: int | None = None, total: int | None = None, left: float | None = None
+) -> None:
+    """Tell the stage that begins, in a word that ends in -ing, how far it is, and s until its end.
 
     Raises:
         StoppedError: the call has to end.
@@ -158,7 +164,7 @@ def stage(name: str, done: int | None = None, total: int | None = None) -> None:
     watch = _watch.get()
     if watch is not None:
         watch.heed()
-        watch.stage(name, done, total)
+        watch.stage(name, done, total, left)
 
 
 def attained(objective: float) -> None:

@@ -17,9 +17,10 @@ from copose.commands.motion import PathCommand
 from copose.commands.new_problem import InitCommand
 from copose.commands.posture import EvaluateCommand, SolveCommand
 from copose.commands.start_check import CheckCommand
+from copose.commands.study import StudyCommand
 from copose.commands.terminal.output import printing, tell
 from copose.commands.terminal.parser import Command, CommandParser
-from copose.errors import InputError
+from copose.errors import CoposeError, InputError
 from copose.interrupt import ExitStatus
 from copose.version import __version__
 
@@ -29,6 +30,7 @@ COMMANDS: tuple[type[Command], ...] = (
     SolveCommand,
     EvaluateCommand,
     PathCommand,
+    StudyCommand,
     CompareCommand,
     ExportCommand,
     LiveCommand,
@@ -65,6 +67,9 @@ def main(argv: Sequence[str] | None = None, *, began: float | None = None) -> in
     except InputError as error:
         tell(str(error))
         return ExitStatus.WRONG_INPUT
+    except CoposeError as error:
+        tell(str(error))
+        return ExitStatus.FAILED
     except BrokenPipeError:
         return ExitStatus.READER_GONE
 

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from copose.commands.terminal.answer import spared
 from copose.commands.terminal.options import add_style, add_verbosity
-from copose.commands.terminal.output import print_place, print_rich
+from copose.commands.terminal.output import print_line, print_place, print_rich
 from copose.commands.terminal.parser import Command, CommandParser
 from copose.commands.terminal.problem_input import check_place, load_problem
-from copose.commands.terminal.progress_line import watching
+from copose.commands.terminal.progress_line import in_short, watching
+from copose.errors import InputError
 from copose.interrupt import ExitStatus
 from copose.progress import stage
 
@@ -34,6 +35,10 @@ class CheckCommand(Command):
 
     def run(self, arguments: argparse.Namespace) -> int:
         """See `Command.run`."""
+        from copose.problem import is_study, read_tables
+
+        if is_study(read_tables(arguments.problem)):
+            return _check_study(arguments)
         with watching(arguments):
             from copose.motion import described
             from copose.posture import check
@@ -54,3 +59,31 @@ class CheckCommand(Command):
         if figure is not None:
             print_place(figure)
         return ExitStatus.SOLVED
+
+
+def _check_study(arguments: argparse.Namespace) -> int:
+    """Check a study, and print how many points it has and how long they take."""
+    for option in ("figure", "set"):
+        if getattr(arguments, option):
+            raise InputError(f"--{option} is of a problem, not of a study", file=arguments.problem)
+    with watching(arguments):
+        from copose.batch import check_study, estimate
+        from copose.studies import Study
+
+        study = Study.read(arguments.problem)
+        stage("checking every value")
+        check_study(study)
+        estimated = estimate(study)
+    seeds = len(study.points.seeds)
+    each = f", {seeds} seeds each," if seeds > 1 else ""
+    count = len(study.points) // seeds
+    print_line(f"{study.file.name}: {count} points{each} of {study.problems.file}")
+    for axis in study.points.axes:
+        values = "a range" if axis.rows is None else f"{len(axis.rows)} values"
+        print_line(f"  {axis.label}: {values}")
+    tried = ", ".join(in_short(each) for each in estimated.point_s)
+    print_line(
+        f"about {in_short(estimated.total_s)} in one process: {in_short(estimated.build_s)} to "
+        f"build, {in_short(estimated.mean_s)} a point ({len(estimated.point_s)} took {tried})"
+    )
+    return ExitStatus.SOLVED

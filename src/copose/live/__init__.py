@@ -1,5 +1,5 @@
 """A page on which the object is dragged and the arms follow at their best."""
 
-from copose.live.handle import LivePage, open_live
+from copose.live.handle import LivePage, open_live, open_study
 
-__all__ = ["LivePage", "open_live"]
+__all__ = ["LivePage", "open_live", "open_study"]

@@ -125,7 +125,8 @@ class Display:
         """Show the exact set of accelerations where it is asked for and the hand rests."""
         state, posture = self._session.state, None
         after = state.solution.after
-        if self._stage.exact and state.searched and not self.moving and after is not None:
+        rests = state.searched or bool(state.origin)
+        if self._stage.exact and rests and not self.moving and after is not None:
             planner = self._session.planner()
             told = planner.evaluate(after.joints, problem=state.problem, everything=True)
             posture = told.after

@@ -22,8 +22,10 @@ def result_of(state: State) -> Solution:
     if state.searched:
         return solution
     note = (
-        "taken from the live page as it was: a local optimum or a posture chosen by hand, which a "
-        "search may better"
+        f"taken from the live page: recorded at {state.origin}"
+        if state.origin
+        else "taken from the live page as it was: a local optimum or a posture chosen by hand, "
+        "which a search may better"
     )
     return solution.model_copy(update={"notes": (*solution.notes, note)})
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from copose.live.session.state import State
     from copose.problem import Problem
     from copose.results import Solution
+    from copose.studies.table import StudyTable
 
 
 class LivePage:
@@ -69,6 +70,14 @@ class LivePage:
         for phase in ("start", "update", "end"):
             self._page.drag(gizmo, pose, phase)
 
+    def show_point(self, point: int) -> None:
+        """Show a point of the study that is open, as a click on it does.
+
+        Args:
+            point: its number.
+        """
+        self._page.show_point(point)
+
     def settle(self, timeout_s: float = 60.0) -> bool:
         """Wait until the arms have come to rest; False where that takes longer."""
         return self._page.settle(timeout_s)
@@ -108,10 +117,32 @@ def open_live(
     Raises:
         InputError: the problem cannot be used, the port is taken, or viser is not installed.
     """
+    return _opened(problem, host, port, browser=browser)
+
+
+def open_study(
+    table: StudyTable, *, host: str = "127.0.0.1", port: int | None = None, browser: bool = False
+) -> LivePage:
+    """Open the page of a study: its points in the scene, and the arms as they were recorded there.
+
+    Args:
+        table: of the study.
+        host: as of `open_live`.
+        port: alike.
+        browser: alike.
+
+    Raises:
+        InputError: no point is done yet, and as of `open_live`.
+    """
+    return _opened(table, host, port, browser=browser)
+
+
+def _opened(shown: Problem | StudyTable, host: str, port: int | None, *, browser: bool) -> LivePage:
+    """Open the page of a problem or of a study."""
     check_installed()
     from copose.live.page import Page
 
-    page = Page(problem, host=host, port=port or 0)
+    page = Page(shown, host=host, port=port or 0)
     if browser:
         with contextlib.suppress(webbrowser.Error):
             webbrowser.open(page.address)

@@ -18,16 +18,19 @@ from copose.live.panels import objectives as aims
 from copose.live.panels.panel import PagePanel
 from copose.live.path_player import PathPlayer
 from copose.live.problem_file.document import Document, case_names
+from copose.live.problem_file.layout import same_layout
 from copose.live.scene.gizmos import Gizmo
 from copose.live.scene.stage import PageScene
 from copose.live.session.jog import ByHand
 from copose.live.session.session import Session
 from copose.live.session.state import SearchAim, State
+from copose.live.studies.study_player import StudyPlayer
 from copose.live.worker import Task, Worker
 from copose.poses import Pose
 from copose.problem import Problem
 from copose.progress import StoppedError
 from copose.results import Optimum
+from copose.studies.table import StudyTable
 from copose.viewer.server import quiet_server, stop
 
 
@@ -39,16 +42,23 @@ class Page:
         stage: the scene.
         session: the problem and its posture.
         path: the motion along the path; None where the problem has none.
+        study: the points of a study; None where a problem was opened.
         latencies: times from drags to the sending of their answers, s, the newest last.
     """
 
     def __init__(
-        self, problem: Problem, *, host: str, port: int, options: PageOptions | None = None
+        self,
+        problem: Problem | StudyTable,
+        *,
+        host: str,
+        port: int,
+        options: PageOptions | None = None,
     ) -> None:
         """Find the opening posture and serve the page.
 
         Args:
-            problem: as read by `copose.load`.
+            problem: as read by `copose.load`; or the table of a study, of which the best point is
+                shown.
             host: address that the page is served at.
             port: port that it is served at, 0 for a free one.
             options: times; default those of `PageOptions`.
@@ -62,18 +72,24 @@ class Page:
         self._written: set[Path] = set()
         self._stroke: tuple[object, float] = (None, 0.0)
         self._stroked = threading.Lock()
-        self.session = Session(Document.of(problem), lambda state: None)
-        self.session.open()
-        self._hand = ByHand(self.session, self.session.spare)
+        self.study: StudyPlayer | None = None
+        if isinstance(problem, StudyTable):
+            self.study = StudyPlayer(problem)
+            self.session = self.study.choice.session
+        else:
+            self.session = Session(Document.of(problem), lambda state: None)
+            self.session.open()
         state = self.session.state
-        self.server = quiet_server(host, port, problem.name)
+        self.server = quiet_server(host, port, state.problem.name)
         self.server.request_share_url = _not_shared  # type: ignore[method-assign]
         self._worker = Worker(self._rested, self._failed)
         try:
             with self.server.atomic():
+                self._set_up()
                 self._build(state)
-            self.session.told, self.session.waited = self._display.render, self._display.waited
-            self._display.render(state)
+                self._look_at(state)
+            self.session.told, self.session.waited = self._render, lambda: self._display.waited()
+            self._render(state)
         except BaseException:
             self._worker.end()
             stop(self.server)
@@ -82,13 +98,22 @@ class Page:
             self.path.open()
         self._worker.do(self._look)
 
+    def _set_up(self) -> None:
+        """Set up what stays, whatever is shown."""
+        gui = self.server.gui
+        gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+        gui.main_panel.dock_right()
+        self.server.on_client_disconnect(lambda _: self.stage.gizmos.release())
+        if self.study is not None:
+            self.study.shows = self.show_point
+            self.study.build(self.server, self._worker)
+
     def _build(self, state: State) -> None:
         """Build the scene and the panel."""
         gui, names = self.server.gui, case_names(self.session.document.whole)
-        gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
-        gui.main_panel.dock_right()
+        self._built = self.session.document
+        self._hand = ByHand(self.session, self.session.spare)
         self.stage = PageScene(self.server, state, self._dragged)
-        self.server.on_client_disconnect(lambda _: self.stage.gizmos.release())
         self.path: PathPlayer | None = None
         if state.problem.path is not None:
             self.path = PathPlayer(self.session, self._worker, self.server, self.stage.scene)
@@ -100,8 +125,33 @@ class Page:
             self.server, self.session, self._worker, self.stage, self.panel, self.path,
             self._options,
         )  # fmt: skip
+        if self.study is not None:
+            self.study.draw(self.stage.size)
+
+    def _look_at(self, state: State) -> None:
+        """Let browsers begin with everything in view."""
         if state.posture is not None:
-            self.stage.look(state.posture, [] if self.path is None else self.path.way)
+            way = [] if self.path is None else self.path.way
+            around = None if self.study is None else self.study.places
+            self.stage.look(state.posture, way, around)
+
+    def _render(self, state: State) -> None:
+        """Show a state; of a problem with other bodies in a new scene."""
+        document = self.session.document
+        if document is not self._built:
+            if same_layout(document.whole, self._built.whole):
+                self._built = document
+                self.panel.open(state.problem)
+            else:
+                with self.server.atomic():
+                    self.panel.remove()
+                    self.server.scene.reset()
+                    self._build(state)
+        self._display.render(state)
+        if self.study is not None:
+            with self.server.atomic():
+                self.study.render()
+            self.server.flush()
 
     def _of_posture(self, task: Task) -> Task:
         """A task with the posture, which is shown first in place of the motion."""
@@ -171,6 +221,16 @@ class Page:
         if joints is not None:
             self._ask(lambda: self.session.choose(joints))
             self._worker.do(self._look)
+
+    def show_point(self, point: int) -> None:
+        """Show a point of the study."""
+
+        def show() -> None:
+            self._study_taken(point)
+
+        self._begin("point")
+        self.session.interrupt()
+        self._worker.move(self._of_posture(show), rests=False)
 
     def undo(self) -> None:
         """Undo the last step."""
@@ -303,8 +363,18 @@ class Page:
 
     def _picked(self, case: str) -> None:
         """Show another case."""
-        self.session.pick(case)
-        self._look()
+        point = self.session.document.point
+        if self.study is None or point is None:
+            self.session.pick(case)
+            self._look()
+        else:
+            self._study_taken(point, case)
+
+    def _study_taken(self, point: int, case: str = "") -> None:
+        """Show a point of the study, or say why it cannot be shown."""
+        if self.study is not None:
+            self.study.choice.take(point, case)
+            self._look()
 
     def _moved(self, move: Callable[[], None]) -> None:
         """Move an arm, and show it on its self-motion."""

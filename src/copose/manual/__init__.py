@@ -13,6 +13,7 @@ Topic: TypeAlias = Literal[
     "cells",
     "collision",
     "paths",
+    "studies",
     "live",
     "commands",
     "problem-files",

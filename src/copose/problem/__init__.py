@@ -6,6 +6,7 @@ from copose.problem.file.overrides import aimed, overridden, read_override
 from copose.problem.file.reading import (
     check_depth,
     is_planar,
+    is_study,
     moved,
     parse,
     placement,
@@ -27,7 +28,7 @@ from copose.problem.path import PathSpec, PlanarWaypoint, Waypoint
 from copose.problem.spaces import SPACES, Space, SpaceName
 from copose.problem.spec import SCHEMA, ConstraintsSpec, PlanarProblem, Problem, SpatialProblem
 from copose.problem.structure import same_structure
-from copose.problem.variants import case_problems, displaced, held
+from copose.problem.variants import case_problems, changed, displaced, held
 
 __all__ = [
     "OBJECTIVE_TABLES",
@@ -54,10 +55,12 @@ __all__ = [
     "Waypoint",
     "aimed",
     "case_problems",
+    "changed",
     "check_depth",
     "displaced",
     "held",
     "is_planar",
+    "is_study",
     "moved",
     "overridden",
     "parse",

@@ -9,7 +9,14 @@ from copose.results.evidence import (
     SearchRecord,
     VerificationRecord,
 )
-from copose.results.files import read_motion, read_result, read_solution, to_json, write_file
+from copose.results.files import (
+    read_motion,
+    read_result,
+    read_solution,
+    to_json,
+    whole_file,
+    write_file,
+)
 from copose.results.limits import AccelerationRecord, ExactSetRecord, WrenchRecord
 from copose.results.motion import (
     Knot,
@@ -80,5 +87,6 @@ __all__ = [
     "stacked",
     "to_json",
     "vector",
+    "whole_file",
     "write_file",
 ]

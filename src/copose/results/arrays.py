@@ -31,14 +31,14 @@ def stacked(parts: dict[str, tuple[float, ...]]) -> Array:
 
 def solution_frame(solution: Solution) -> pandas.DataFrame:
     """A row a joint, a column a posture."""
-    pandas = _package("pandas")
+    pandas = package("pandas")
     columns = {name: posture.q for name, posture in _postures(solution).items()}
     return pandas.DataFrame(columns, index=pandas.Index(q_names(solution), name="joint"))
 
 
 def motion_frame(motion: Motion) -> pandas.DataFrame:
     """A row a knot, by its time, a column a joint."""
-    pandas = _package("pandas")
+    pandas = package("pandas")
     index = pandas.Index(motion.time or (), name="time")
     return pandas.DataFrame(motion.q, index=index, columns=q_names(motion))
 
@@ -49,7 +49,7 @@ def solution_dataset(solution: Solution) -> xarray.Dataset:
     coordinates = {"posture": list(postures), **_joints(solution)}
     q = np.array([posture.q for posture in postures.values()])
     variables = {"q": (("posture", "joint"), q)}
-    return _package("xarray").Dataset(variables, coordinates)
+    return package("xarray").Dataset(variables, coordinates)
 
 
 def motion_dataset(motion: Motion) -> xarray.Dataset:
@@ -66,7 +66,7 @@ def motion_dataset(motion: Motion) -> xarray.Dataset:
         "objective": ("time", np.array([knot.objective for knot in knots], dtype=float)),
     }
     coordinates = {"time": list(motion.time or ()), **_joints(motion)}
-    return _package("xarray").Dataset(variables, coordinates)
+    return package("xarray").Dataset(variables, coordinates)
 
 
 def positions(motion: Motion) -> Array:
@@ -92,9 +92,15 @@ def _joints(answer: Solution | Motion) -> dict[str, Any]:
     return {"joint": list(q_names(answer)), "arm": ("joint", arms)}
 
 
-def _package(name: str) -> Any:
+def package(name: str, extra: str = "notebook") -> Any:
+    """A package that an extra of copose installs.
+
+    Raises:
+        InputError: it is not installed.
+    """
     try:
         return import_module(name)
     except ImportError:
-        text = f"the package {name} is not installed; pip install 'copose[notebook]'"
+        installed = name.partition(".")[0]
+        text = f"the package {installed} is not installed; pip install 'copose[{extra}]'"
         raise InputError(text) from None

@@ -8,7 +8,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import IO, TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import from_json
@@ -102,9 +102,21 @@ def write_file(path: Path, content: bytes) -> None:
     Raises:
         InputError: the place cannot be written.
     """
+    with whole_file(path) as file:
+        file.write(content)
+
+
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[IO[bytes]]:
+    """A file to write to, which comes to its place whole or not at all, see `write_file`.
+
+    Raises:
+        InputError: the place cannot be written.
+    """
     try:
         if path.exists() and not path.is_file() and not path.is_dir():
-            path.write_bytes(content)
+            with path.open("wb") as file:
+                yield file
             return
         path.parent.mkdir(parents=True, exist_ok=True)
         with _swept(path.parent):
@@ -113,7 +125,7 @@ def write_file(path: Path, content: bytes) -> None:
             )
             try:
                 with os.fdopen(handle, "wb") as file:
-                    file.write(content)
+                    yield file
                     file.flush()
                     os.fsync(handle)
                 # mkstemp makes files that only the owner can read; results are ordinary files.

@@ -13,7 +13,7 @@ from copose.problem import Problem
 from copose.report.look import LOOK
 from copose.results import Posture
 from copose.robots import Arm
-from copose.viewer.camera import Camera, first_camera
+from copose.viewer.camera import Camera, CameraOptions, first_camera
 from copose.viewer.looks import Look
 from copose.viewer.names import node
 from copose.viewer.nodes.arms import Robots
@@ -82,6 +82,7 @@ class CellScene:
         self._ghost: Robots | None = None
         self._ghost_object: FrameHandle | None = None
         self._ghosts, self._before = True, False
+        self._left: Posture | None = None
         self._shown: Posture | None = None
 
     def fit(self, posture: Posture) -> None:
@@ -112,7 +113,7 @@ class CellScene:
 
     def show_before(self, posture: Posture | None) -> None:
         """Show an earlier posture as a ghost; None takes it away."""
-        self._before = posture is not None
+        self._before, self._left = posture is not None, posture
         if posture is not None:
             if self._ghost is None:
                 self._ghost = Robots(
@@ -183,12 +184,20 @@ class CellScene:
         """Draw arrows along task vectors, over all coordinates or over the objective's axes."""
         self.aims.point(directions)
 
-    def camera(self, posture: Posture, way: Sequence[Pose] = ()) -> Camera:
+    def camera(
+        self,
+        posture: Posture,
+        way: Sequence[Pose] = (),
+        others: Array | None = None,
+        options: CameraOptions | None = None,
+    ) -> Camera:
         """The camera from which pictures see a posture; light comes from there too.
 
         Args:
             posture: what is seen.
             way: other poses of the object, which are to be seen as well.
+            others: other points, m, (k, 3), alike.
+            options: of the view; default those of `CameraOptions`.
         """
         moved = [self._corners(posture)]
         for kind in self.slices.scales:
@@ -198,13 +207,22 @@ class CellScene:
         origin = object_pose(posture).position
         carried = [np.vstack(moved) + pose.position - origin for pose in way]
         points = np.vstack([self._points(posture), *moved, *carried])
+        if others is not None:
+            points = np.vstack([points, others])
         for obstacle in self._problem.obstacles:
             corners = primitive_triangles(primitive_of(obstacle.shape)).vertices
             corners = corners @ obstacle.pose.rotation.T + obstacle.pose.position
             # A floor would dwarf what stands on it.
             if np.ptp(corners, axis=0).max() <= self.size:
                 points = np.vstack([points, corners])
-        camera = first_camera(posture, self._arms, self._looks, points, planar=self._planar)
+        camera = first_camera(
+            posture,
+            self._arms,
+            self._looks,
+            points,
+            planar=self._planar,
+            options=options or CameraOptions(),
+        )
         light_from(self._scene, *camera.axes)
         return camera
 
@@ -224,7 +242,9 @@ class CellScene:
 
     def _see_ghosts(self) -> None:
         if self._ghost is not None and self._ghost_object is not None:
-            self._ghost.top.visible = self._before and self._ghosts
+            # Arms that stand in their own ghost would flicker.
+            stands = self._left is self._shown
+            self._ghost.top.visible = self._before and self._ghosts and not stands
             # Two objects at one place, to within 1e-6 m or rad, would flicker.
             now, ghost = self.object, self._ghost_object
             turned = abs(float(now.wxyz @ ghost.wxyz)) < 1 - 1e-6

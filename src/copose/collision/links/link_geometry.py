@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
@@ -23,6 +23,8 @@ class Geometry:
     notes: list[str]  # what stands in for shapes, and what is left out
     # Of each package that was not found, where it was looked for; among the notes too.
     missing: tuple[str, ...] = ()
+    # Mesh files that were read, by name in the robot's file, if they are no parts of that.
+    files: Mapping[str, Path] = field(default_factory=dict)
 
 
 def only_visual(file: Path) -> str:

@@ -57,7 +57,7 @@ def urdf_geometry(robot: Robot, measured: bool = False) -> Geometry:
     if instead:
         stand_in = "tested by visual geometry, for no collision geometry can be read"
         notes.append(f"{tree.file.name}: links {stand_in}: {listed(instead)}")
-    return Geometry(parts, faults, notes, missing)
+    return Geometry(parts, faults, notes, missing, reader.files)
 
 
 def urdf_looks(robot: Robot) -> Looks:
@@ -83,6 +83,7 @@ class _Reader:
     meshes: dict[tuple[Path, tuple[float, ...]], Mesh] = field(default_factory=dict)  # those made
     # Of each package that was not found, where it was looked for.
     missing: set[str] = field(default_factory=set)
+    files: dict[str, Path] = field(default_factory=dict)  # that were found, by name
 
     def read(self, link: ET.Element, tag: str) -> tuple[tuple[Part, ...], str]:
         """The readable elements of a link, and the reason why the first other cannot be read."""
@@ -124,6 +125,7 @@ class _Reader:
             self.missing.add(error.message)
         if file is None:
             raise UnreadableError(f"mesh {shown(name)} was not found")
+        self.files[name] = file
         if (file, scale) not in self.meshes:
             self.meshes[file, scale] = self.mesh(file, scale)
         return self.meshes[file, scale]

@@ -15,6 +15,13 @@ def seed(text: str) -> int:
     return int(text)
 
 
+def count(text: str) -> int:
+    """A whole number from 1."""
+    if not text.isascii() or not text.isdigit() or not 1 <= int(text[:9]) < 10**8:
+        raise argparse.ArgumentTypeError(f"{shown(text)} is no whole number from 1")
+    return int(text)
+
+
 def port(text: str) -> int:
     """A network port, a whole number from 0 to 65535."""
     largest = 65535

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from copose.commands.terminal.number_types import seconds, seed
+from copose.commands.terminal.number_types import port, seconds, seed
 
 
 def add_outputs(parser: argparse.ArgumentParser, files: Sequence[str], figure: str) -> None:
@@ -59,3 +59,17 @@ def add_verbosity(parser: argparse.ArgumentParser) -> None:
         "--verbose", action="store_true",
         help="tell more of the search, and print a line a stage on stderr",
     )  # fmt: skip
+
+
+def add_page(parser: argparse.ArgumentParser) -> None:
+    """Add where a page is served."""
+    parser.add_argument(
+        "--port", type=port, default=8080, metavar="N", help="of the page (default: 8080)"
+    )
+    parser.add_argument(
+        "--host", default="127.0.0.1", metavar="ADDRESS",
+        help="of the page (default: 127.0.0.1, which no other machine reaches)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--no-browser", action="store_true", help="do not open the page in the browser"
+    )

@@ -70,4 +70,14 @@ def _in_words(now: Progress, elapsed: float) -> str:
     count = "" if now.done is None else f" {now.done}"
     count += "" if now.total is None else f"/{now.total}"
     best = "" if now.best is None else f", best so far {now.best:.6g}"
-    return f"{elapsed:.1f} s: {now.stage}{count}{best}"
+    left = "" if now.left is None else f", about {in_short(now.left)} left"
+    return f"{elapsed:.1f} s: {now.stage}{count}{best}{left}"
+
+
+def in_short(seconds: float) -> str:
+    """A duration as a person would say it: ``30 ms``, ``8 s``, ``3 min``, ``2.5 h``."""
+    if seconds < 1:
+        return f"{1e3 * seconds:.0f} ms"
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.3g} h"

@@ -9,6 +9,11 @@ SMALL = "font-size: 0.8em; line-height: 1.35; padding: 0 0.8em"
 """Style of a block of numbers."""
 
 
+def block(content: str) -> str:
+    """HTML as far from the edges as numbers are."""
+    return f'<div style="{SMALL}">{content}</div>'
+
+
 def line(words: str) -> str:
     """A line of words."""
     return f'<div style="{SMALL}">{escape(words)}</div>'

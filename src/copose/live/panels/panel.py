@@ -82,10 +82,13 @@ class PagePanel:
         self._told = 0.0
         self._undo = gui.add_button("Undo", disabled=True, icon=viser.Icon.ARROW_BACK_UP)
         self._controls.clicked(self._undo, acts.undo)
+        self._own: list[Any] = [self._head, self._doing, self._bar, self._undo]
         if cases:
             case = gui.add_dropdown("case", list(cases), hint="each is a task of its own here")
             self._controls.when(case, lambda: acts.pick(case.value))
+            self._own.append(case)
         tabs = gui.add_tab_group()
+        self._own.append(tabs)
         with tabs.add_tab("Cell"):
             self._task = TaskPanel(self._controls, problem, kinds, acts)
             self._bars = gui.add_html("")
@@ -105,6 +108,16 @@ class PagePanel:
         with tabs.add_tab("Save"):
             self._add_saving(problem)
         self.tabs = tabs
+
+    def open(self, problem: Problem) -> None:
+        """Take another problem, with the same controls, as the one that was opened."""
+        with self._controls.setting():
+            self._task.open(problem)
+
+    def remove(self) -> None:
+        """Take all controls away."""
+        for control in self._own:
+            control.remove()
 
     def show(self, state: State) -> None:
         """Show a state, and set the controls to its values."""

@@ -36,6 +36,8 @@ def _standing(state: State) -> str:
     """A line in colour on whether the object is held, and how good the posture is."""
     if state.message:
         return message(state.message, LOOK.over, "copose")
+    if state.origin:
+        return message(f"as recorded at {state.origin}", LOOK.arms[1], "copose")
     words, color = "a local optimum: where the hand rests, all is searched", LOOK.arms[2]
     if state.searched and state.left is not None:
         words, color = "the best that a search finds here; only with letting go", LOOK.arms[1]

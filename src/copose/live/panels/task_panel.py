@@ -52,6 +52,12 @@ class TaskPanel:
         self._add_aim(problem, kinds)
         self._add_constraints(problem)
 
+    def open(self, problem: Problem) -> None:
+        """Take another problem as the one that was opened, whose objective the list offers."""
+        self._opened = problem
+        if problem.objective.kind not in self._kind.options:
+            self._kind.options = (problem.objective.kind, *self._kind.options)
+
     def show(self, problem: Problem) -> None:
         """Set the controls to the values of a problem."""
         self._problem = problem

@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 from PIL import Image
 
+from copose.live.plots.color_scale import VIRIDIS, color_table
 from copose.live.plots.svg import PlotFrame, dot, drawing, legend, star, text, ticks, upright
 from copose.poses import Array, Mask
 from copose.posture.landscape.objective_map import Landscape
@@ -20,10 +21,7 @@ from copose.posture.landscape.objective_map import Landscape
 class MapLook:
     """Colours and sizes of the map of two self-motions."""
 
-    colours: tuple[str, ...] = (  # from low to high: matplotlib's viridis at equal distances
-        "440154", "482878", "3e4989", "31688e", "26828e", "1f9e89", "35b779", "6ece58", "b5de2b",
-        "fde725",
-    )  # fmt: skip
+    colours: tuple[str, ...] = VIRIDIS  # from low to high
     pixels: int = 240  # pixels of the picture along each side, about
     bands: int = 12  # bands of values between which lines are drawn
     line: float = 0.72  # brightness of these lines, of the colours below
@@ -125,7 +123,7 @@ def _picture(landscape: Landscape, low: float, high: float, look: MapLook) -> st
     fine = min(part.shape) > look.pixels // 3
     part = _smooth(part, times) if fine else _larger(part, times)
     known, allowed = _larger(known, times).astype(bool), _allowed(landscape, times)
-    colours = _table(look.colours)[(part * 255).astype(np.intp)].astype(float)
+    colours = color_table(look.colours)[(part * 255).astype(np.intp)].astype(float)
     if fine:
         colours[_lines(part, look.bands)] *= look.line
     out = ~allowed
@@ -177,13 +175,6 @@ def _lines(part: Array, bands: int) -> Mask:
     lines[:-1] |= band[:-1] != band[1:]
     lines[:, :-1] |= band[:, :-1] != band[:, 1:]
     return lines
-
-
-def _table(colours: tuple[str, ...]) -> Array:
-    """256 colours from low to high, (256, 3)."""
-    anchors = np.array([[int(c[k : k + 2], 16) for k in (0, 2, 4)] for c in colours])
-    at = np.linspace(0, len(anchors) - 1, 256)
-    return np.column_stack([np.interp(at, np.arange(len(anchors)), column) for column in anchors.T])
 
 
 def _axes(frame: PlotFrame, look: MapLook) -> Iterator[str]:

@@ -24,10 +24,12 @@ class Document:
     Attributes:
         whole: the problem as it was read.
         case: the case that is shown, of several; empty where the file has none.
+        point: number of the study's point whose problem it is; None without a study.
     """
 
     whole: Problem
     case: str = ""
+    point: int | None = None
 
     @classmethod
     def of(cls, problem: Problem) -> Document:

@@ -8,9 +8,10 @@ import viser
 
 from copose.live.scene.gizmos import Dragged, Gizmos
 from copose.live.session.state import State
-from copose.poses import Pose
+from copose.poses import Array, Pose
 from copose.results import Posture
 from copose.robots import load_arms
+from copose.viewer.camera import CameraOptions
 from copose.viewer.looks import link_looks
 from copose.viewer.scene import CellScene
 
@@ -51,9 +52,20 @@ class PageScene:
         """The size of the scene, m; 1 where nothing holds the object."""
         return self.scene.size or 1.0
 
-    def look(self, posture: Posture, way: Sequence[Pose]) -> None:
-        """Let browsers begin with a posture, and the object's path, in view."""
-        self.scene.camera(posture, way).place(self._server.initial_camera)
+    def look(
+        self, posture: Posture, way: Sequence[Pose], around: Array | None, between: float = 0.85
+    ) -> None:
+        """Let browsers begin with everything in view.
+
+        Args:
+            posture: of the arms.
+            way: poses of the object along its path.
+            around: places of a study's points, m, (count, 3); None without a study.
+            between: width over height of what is seen between the panels of a study and of a page.
+        """
+        options = CameraOptions() if around is None else CameraOptions(aspect=between)
+        camera = self.scene.camera(posture, way, around, options)
+        camera.place(self._server.initial_camera)
 
     def see(self, what: str, visible: bool) -> None:
         """Show or hide a part, by the panel's words."""

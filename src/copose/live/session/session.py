@@ -8,9 +8,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
+from copose.batch.planner_cache import PlannerCache
 from copose.errors import InputError
 from copose.live.problem_file.document import Changes, Document
-from copose.live.session.planner_cache import PlannerCache
+from copose.live.problem_file.layout import same_layout
 from copose.live.session.state import SearchAim, State, Step
 from copose.live.session.transition import self_motion_way
 from copose.poses import Array
@@ -18,6 +19,7 @@ from copose.posture import Planner
 from copose.problem import Problem
 from copose.progress import Tell, Watch, watched
 from copose.results import Optimum, Posture, Solution
+from copose.robots import load_arms
 from copose.self_motion.misses.gaps import Followed, Gap
 
 Joints: TypeAlias = Mapping[str, Sequence[float]]
@@ -41,13 +43,12 @@ class Session:
     Every method may take its time and belongs to one thread, but for `interrupt`.
 
     Attributes:
-        document: the problem as it was opened.
+        document: the problem as it was opened, or as it is at the point of a study.
         told: function that is told of every new state.
         waited: function that is called between two postures of a transition, and says whether to
             go on.
         options: numbers and differences.
         state: the present state.
-        spare: degrees of freedom to spare, by arm.
     """
 
     document: Document
@@ -55,7 +56,6 @@ class Session:
     waited: Callable[[], bool] = lambda: False
     options: SessionOptions = SessionOptions()
     state: State = field(init=False)
-    spare: Mapping[str, int] = field(init=False)
     _changes: dict[str, Any] = field(default_factory=dict)
     _planners: PlannerCache = field(init=False)
     _steps: list[Step] = field(default_factory=list)
@@ -76,7 +76,6 @@ class Session:
         """
         problem = self.document.problem({})
         planner = self._planners.of(problem)
-        self.spare = planner.spare
         solution = planner.solve(problem=problem)
         value = solution.objective.before
         self._changes, self._steps = {}, []
@@ -97,6 +96,57 @@ class Session:
         except InputError:
             self.document = before
             raise
+
+    def take(
+        self, document: Document, joints: Joints, origin: str, placed: Changes | None = None
+    ) -> None:
+        """Show another problem, and the arms where they hold its object; nothing is searched.
+
+        Args:
+            document: the problem.
+            joints: rad or m, by arm.
+            origin: where they were recorded, in words.
+            placed: changes of the problem where they were recorded.
+
+        Raises:
+            InputError: they do not hold the object; nothing is changed then.
+        """
+        changes = dict(placed or {})
+        problem = document.problem(changes)
+        planner = self._planners.of(problem)
+        solution = planner.evaluate(joints, problem=problem)
+        if solution.after is None:
+            raise InputError(f"the robots are others than at {origin}: {solution.reason}")
+        value = solution.objective.after
+        self.document, self._changes = document, changes
+        self._start_places, self._measured = dict(changes), ({}, value)
+        self.state = State(problem, solution, start=solution.after, start_value=value)
+        shares = self._shares(planner, problem, solution)
+        self._tell(reached=True, origin=origin, shares=shares)
+
+    def stay(self, document: Document, why: str) -> None:
+        """Show another problem, and the arms where they were: nothing is known to hold its object.
+
+        Args:
+            document: the problem.
+            why: nothing does, in words.
+
+        Raises:
+            InputError: it cannot be used; nothing is changed then.
+        """
+        problem, solution = document.problem({}), self.state.solution
+        if not same_layout(problem, self.state.problem):
+            # Other arms have not been anywhere.
+            rest = {arm.name: [0.0] * arm.n for arm in load_arms(problem)}
+            solution = self._planners.of(problem).evaluate(rest, problem=problem)
+        self.document, self._changes, self._start_places = document, {}, {}
+        self.state = State(problem, solution, message=why)
+        self._tell()
+
+    @property
+    def spare(self) -> Mapping[str, int]:
+        """Degrees of freedom to spare, by arm."""
+        return self.planner().spare
 
     @property
     def changes(self) -> Changes:
@@ -233,10 +283,14 @@ class Session:
     def _step(self) -> Step:
         """The present state as a step, without the message of a refusal."""
         state = self.state
-        return Step(self.changes, replace(state, message="") if state.reached else state)
+        state = replace(state, message="") if state.reached else state
+        return Step(self.document, self.changes, self._start_places, state)
 
     def _back(self, step: Step) -> None:
         """Go back to a step."""
+        if step.document is not self.document:
+            self.document, self._start_places = step.document, step.start_places
+            self._measured = None
         self._changes = dict(step.changes)
         self._tell(**{**vars(step.state), "undoable": bool(self._steps)})
 
@@ -322,7 +376,7 @@ class Session:
         state, start = self.state, self.state.solution.after
         if start is None:
             return None
-        way = self_motion_way(planner, state.problem, start.joints, end.joints, self.spare)
+        way = self_motion_way(planner, state.problem, start.joints, end.joints, planner.spare)
         for q in way[1:-1]:
             if not self.waited():
                 break
@@ -349,6 +403,8 @@ class Session:
     def _tell(self, **changed: Any) -> None:
         """Tell of a new state with changed values."""
         changed.setdefault("undoable", bool(self._steps))
+        if "solution" in changed:
+            changed.setdefault("origin", "")
         self.state = replace(self.state, **changed)
         self.told(self.state)
 

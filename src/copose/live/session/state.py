@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from copose.live.problem_file.document import Changes
+from copose.live.problem_file.document import Changes, Document
 from copose.poses import Array
 from copose.posture.search.effort import EffortName
 from copose.problem import Problem
@@ -27,6 +27,7 @@ class State:
         message: why the object cannot be where it is, or what else went wrong; empty if nothing.
         reached: whether the arms hold the object where it is.
         searched: whether the posture is the best of a search here.
+        origin: where a posture was recorded, such as a point of a study; empty of all others.
         left: the posture that a search has left for this one, where the arms would have to let go
             to come from there; None else.
         undoable: whether there is something to undo.
@@ -41,6 +42,7 @@ class State:
     message: str = ""
     reached: bool = False
     searched: bool = False
+    origin: str = ""
     left: Posture | None = None
     undoable: bool = False
 
@@ -57,9 +59,18 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A state that an undo goes back to."""
+    """A state that an undo goes back to.
 
+    Attributes:
+        document: the problem that changes are of.
+        changes: from it.
+        start_places: places of everything at the start of the arms.
+        state: the state.
+    """
+
+    document: Document
     changes: Changes
+    start_places: Changes
     state: State
 
 

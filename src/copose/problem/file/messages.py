@@ -66,7 +66,8 @@ def _text(fault: ErrorDetails, owner: type[BaseModel] | None, faults: list[Error
             taught = "; a start without it teaches it" if fault["loc"][-1] == "grasp" else ""
             return f"missing{taught}"
         case "extra_forbidden":
-            legal = owner.model_fields if owner is not None else {}
+            fields = owner.model_fields if owner is not None else {}
+            legal = [field.alias or name for name, field in fields.items()]
             return f"unknown key{nearest(str(fault['loc'][-1]), legal)}"
         case "literal_error":
             text = f"{shown(value)} is not allowed; allowed: {context['expected']}"

@@ -102,6 +102,11 @@ def is_planar(data: Mapping[str, Any]) -> bool:
     return isinstance(name, str) and name in SPACES and SPACES[name].planar
 
 
+def is_study(data: Mapping[str, Any]) -> bool:
+    """True of the tables of a study file, False of a problem's."""
+    return "vary" in data and "arms" not in data
+
+
 def moved(problem: Problem, place: Mapping[str, Any]) -> Problem:
     """A problem with its object elsewhere.
 

@@ -61,7 +61,7 @@ def picture(answer: Solution | Motion, kind: str, style: Style = "bodies") -> by
 
 def motion_animation(motion: Motion, style: Style = "bodies") -> bytes:
     """A motion in real time as the content of a .gif file."""
-    with _drawing():
+    with drawing():
         from copose.report.figures.film import motion_film
 
         return motion_film(_styled(motion, style))
@@ -84,7 +84,7 @@ def figure(answer: Solution | Motion, style: Style = "bodies") -> Figure:
     if isinstance(answer, Motion):
         if answer.knots is None:
             raise InputError(f"no motion to draw: {answer.reason}")
-        with _drawing():
+        with drawing():
             from copose.report.figures.motion import motion_figure
 
             return motion_figure(_styled(answer, style))
@@ -97,7 +97,7 @@ def figure(answer: Solution | Motion, style: Style = "bodies") -> Figure:
 
 def _figure(panels: list[Panel], rows: list[Row], heading: str) -> Figure:
     """A figure of rows where there are some, else of panels."""
-    with _drawing():
+    with drawing():
         from copose.report.figures.cases import cases_figure
         from copose.report.figures.planar import planar_figure
         from copose.report.figures.spatial import spatial_figure
@@ -110,7 +110,7 @@ def _figure(panels: list[Panel], rows: list[Row], heading: str) -> Figure:
 
 
 @contextlib.contextmanager
-def _drawing() -> Iterator[None]:
+def drawing() -> Iterator[None]:
     """The settings of all pictures, whatever settings of Matplotlib a user or a script has."""
     # It warns of settings that it does not know, and of folders that it cannot write its font
     # cache to; fonts are found without.
@@ -155,7 +155,7 @@ def saved(figure: Figure, kind: str) -> bytes:
     # The date that these formats carry would make the same result look different every time.
     metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
     sink = io.BytesIO()
-    with _drawing():
+    with drawing():
         figure.savefig(sink, format=kind, dpi=120, facecolor="white", metadata=metadata)
     return sink.getvalue()
 
@@ -193,7 +193,7 @@ def draw(
 
 def starts_figure(problem: Problem, starts: Sequence[ArmStart], style: Style = "bodies") -> Figure:
     """Arms at their starts, with the frames of object, tips and grasps."""
-    with _drawing():
+    with drawing():
         from copose.report.figures.start import start_figure
 
         return start_figure(problem, starts, bodies=style == "bodies")

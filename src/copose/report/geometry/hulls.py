@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections import defaultdict
 from dataclasses import dataclass
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from copose.poses import Array
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +32,9 @@ class Hull:
     @classmethod
     def of(cls, points: Array) -> Hull | None:
         """The hull of points, (k, 3); None of points in a plane."""
+        # Slow to import, and planar pictures need none of it.
+        from scipy.spatial import QhullError
+
         if len(points) < 4:
             return None
         try:
@@ -60,6 +66,8 @@ def _even_hull(points: Array) -> tuple[ConvexHull, Array]:
     Raises:
         QhullError: the points are flat.
     """
+    from scipy.spatial import ConvexHull, QhullError
+
     offset = points - points.mean(axis=0)
     _, extents, rows = np.linalg.svd(offset, full_matrices=False)
     if extents[-1] <= 1e-12 * extents[0]:

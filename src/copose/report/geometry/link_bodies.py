@@ -6,7 +6,6 @@ import contextlib
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from copose.poses import Array, rotation_rows
 from copose.results import Posture, ProblemRecord
@@ -49,6 +48,8 @@ class LinkBodies:
     @classmethod
     def of(cls, problem: ProblemRecord) -> LinkBodies:
         """The bodies of a problem's arms; none where their shapes are not known."""
+        from scipy.spatial import ConvexHull, QhullError
+
         parts = []
         for link in problem.links:
             points = np.array(link.points)
@@ -81,6 +82,8 @@ def flat_links(problem: ProblemRecord, posture: Posture) -> dict[str, list[Array
     outlines: dict[str, list[Array]] = {}
     if posture.collision is None:
         return outlines
+    from scipy.spatial import ConvexHull, QhullError
+
     for link in problem.links:
         rotation, position = _frame(posture, link.arm, link.frame)
         points = (np.array(link.points) @ rotation.T + position)[:, :2]

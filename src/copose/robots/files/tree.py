@@ -117,6 +117,7 @@ class Tree:
     foreign: tuple[str, ...]  # what xacro left in the file, such as ``xacro:property``
     format: str = "urdf"  # the key of the format that the file has, see `ROBOT_FORMATS`
     arguments: tuple[tuple[str, str], ...] = ()  # of the .xacro that the file is
+    expansion: str = ""  # of the .xacro that the file is, as URDF
     model: Any = None  # a MuJoCo model, compiled; None of a URDF
     # By link that is one, its number in that model.
     bodies: Mapping[str, int] = field(default_factory=dict)

@@ -87,6 +87,7 @@ def read_tree(
         order=tuple(order),
         foreign=foreign,
         arguments=tuple(sorted((arguments or {}).items())),
+        expansion=text if file.suffix == XACRO else "",
     )
 
 

@@ -1,4 +1,4 @@
-"""Planners of a session, kept while problems of their structure come again."""
+"""Planners that are kept while problems of their structure come again."""
 
 from __future__ import annotations
 

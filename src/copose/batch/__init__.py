@@ -1,0 +1,15 @@
+"""Studies at work: many problems in a plain loop, or on a cluster."""
+
+from copose.batch.run import RunOptions, RunOutcome, run_points, run_study
+from copose.batch.time_estimate import Estimate, estimate
+from copose.batch.validation import check_study
+
+__all__ = [
+    "Estimate",
+    "RunOptions",
+    "RunOutcome",
+    "check_study",
+    "estimate",
+    "run_points",
+    "run_study",
+]

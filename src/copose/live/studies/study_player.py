@@ -1,0 +1,140 @@
+"""The page's part for a study: its points in the scene and in their panel, and steps among them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+import viser
+
+from copose.errors import InputError
+from copose.live.plots.color_scale import ColorScale
+from copose.live.session.session import Session
+from copose.live.studies.point_choice import PointChoice, document_at
+from copose.live.studies.point_cloud import PointCloud
+from copose.live.studies.study_panel import StudyPanel
+from copose.live.studies.study_points import PARTS, Marks, StudyPoints
+from copose.live.worker import Worker
+from copose.poses import Array
+from copose.report.words import objective_name, objective_unit
+from copose.studies.table import StudyTable
+
+
+class StudyPlayer:
+    """The actions of the panel of a study.
+
+    Attributes:
+        choice: of the point that is shown.
+        points: of the study, with the number that ranks them.
+        shows: function that has a point shown; the page sets it.
+    """
+
+    shows: Callable[[int], object]
+
+    def __init__(self, table: StudyTable) -> None:
+        """Open a session with the best point; where none is solved with the first that is done.
+
+        Args:
+            table: of the study.
+
+        Raises:
+            InputError: no point is done yet, or the problem cannot be used.
+        """
+        study = table.study.file
+        self.points = StudyPoints(table, study.map.value)
+        done = self.points.best_first
+        if not len(done):
+            raise InputError("no point is done yet: run it without --view", file=study.source)
+        self._body = next(iter(self.points.bodies.names), None)
+        self._cloud: PointCloud | None = None
+        self._size, self._part = 1.0, PARTS[0]
+        session = Session(document_at(table, int(done[0])), lambda state: None)
+        self.choice = PointChoice(session, table)
+        self.choice.open(int(done[0]))
+
+    @property
+    def places(self) -> Array:
+        """Where the points stand in the scene, m, (count, 3)."""
+        return np.zeros((0, 3)) if self._marks is None else self._marks.places
+
+    def build(self, server: viser.ViserServer, worker: Worker) -> None:
+        """Build the panel, and listen to clicks in the scene of a server."""
+        self._server, self._worker = server, worker
+        self._panel = StudyPanel(server.gui, self.points, self)
+        server.scene.on_click()(self._clicked)
+
+    def draw(self, size: float) -> None:
+        """Draw the points in a new scene of a size, m."""
+        self._size, marks = size, self._marks
+        if marks is not None:
+            self._cloud = PointCloud(
+                self._server.scene, marks, size, standing=self._body != "object"
+            )
+            self._cloud.show(self.points, self._scale, self._part)
+
+    def render(self) -> None:
+        """Show the point that is chosen."""
+        point = self.choice.point
+        if point is None:
+            return
+        here = [point] if self._marks is None else self._marks.here(point)
+        if self._cloud is not None:
+            self._cloud.choose(point)
+        self._panel.show(self.points, point, here, self._objective, self._scale)
+
+    # What the panel can have done, see `StudyActs`.
+
+    def go(self, point: int) -> None:
+        """Show a point."""
+        self.shows(point)
+
+    def rank_by(self, value: str) -> None:
+        """Rank and colour the points by another number."""
+        self._worker.do(lambda: self._redraw(value, self._body, self._part))
+
+    def stand(self, body: str) -> None:
+        """Let the points stand where another body does."""
+        self._worker.do(lambda: self._redraw(self.points.value, body, self._part))
+
+    def see(self, part: str) -> None:
+        """Show a part of the points in the scene."""
+        self._worker.do(lambda: self._redraw(self.points.value, self._body, part))
+
+    def _clicked(self, event: viser.SceneClickEvent) -> None:
+        """Show the point that a hand has clicked."""
+        if self._cloud is None:
+            return
+        point = self._cloud.hit(np.array(event.ray_origin), np.array(event.ray_direction))
+        if point is not None:
+            self.shows(point)
+
+    def _redraw(self, value: str, body: str | None, part: str) -> None:
+        """Draw the points by another number, where another body stands, or another part of them."""
+        self.points, self._body, self._part = self.points.by(value), body, part
+        for name in ("_marks", "_scale"):
+            vars(self).pop(name, None)
+        with self._server.atomic():
+            if self._cloud is not None:
+                self._cloud.remove()
+            self.draw(self._size)
+            self.render()
+        self._server.flush()
+
+    @cached_property
+    def _marks(self) -> Marks | None:
+        """The points in the scene; None where the study moves nothing there."""
+        return None if self._body is None else self.points.marks(self._body)
+
+    @cached_property
+    def _scale(self) -> ColorScale:
+        """The colours of the number that ranks."""
+        return ColorScale.of(self.points.values)
+
+    @property
+    def _objective(self) -> str:
+        """The objective's name with its unit; without where points have several objectives."""
+        if any(key.startswith("objective") for key in self.points.table.study.file.keys):
+            return "objective"
+        solution = self.choice.session.state.solution
+        return ", ".join(filter(None, (objective_name(solution), objective_unit(solution))))

@@ -1,0 +1,167 @@
+"""The points of a study: where they stand, and which are better than others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from copose.live.studies.moved_bodies import MovedBodies
+from copose.poses import Array, Indices, Mask
+from copose.studies.table import StudyTable
+
+PARTS = ("all", "solved", "best tenth", "none")
+"""Parts of the points that the scene shows."""
+
+
+@dataclass(frozen=True, eq=False)
+class StudyPoints:
+    """The points of a study that are done.
+
+    Attributes:
+        table: of the study.
+        value: name of the number that ranks and colours them.
+    """
+
+    table: StudyTable
+    value: str
+
+    @cached_property
+    def bodies(self) -> MovedBodies:
+        """The bodies that the study moves."""
+        study = self.table.study
+        return MovedBodies(study.problems.tables, study.file.keys)
+
+    @cached_property
+    def _columns(self) -> dict[str, list[Any]]:
+        """The values of all keys, one for each point."""
+        rows = [self.table.values(point) for point in range(len(self.table))]
+        return {key: [row[key] for row in rows] for key in self.table.study.file.keys}
+
+    @cached_property
+    def statuses(self) -> np.ndarray:
+        """Of each point, (count,) of strings."""
+        return np.array(self.table.statuses)
+
+    @cached_property
+    def values(self) -> Array:
+        """The number of each point, nan where there is none or it is not solved, (count,)."""
+        return np.where(self.statuses == "solved", self.table.numbers[self.value], np.nan)
+
+    @cached_property
+    def ranking(self) -> Indices:
+        """The solved points that have a number, the best first."""
+        return np.array(self.table.best(len(self.table), self.value), dtype=np.intp)
+
+    @cached_property
+    def _ranks(self) -> Indices:
+        ranks = np.full(len(self.table), -1, dtype=np.intp)
+        ranks[self.ranking] = np.arange(len(self.ranking))
+        return ranks
+
+    def rank(self, point: int) -> int | None:
+        """The place of a point in the ranking, from 0; None where it has none."""
+        rank = int(self._ranks[point])
+        return None if rank < 0 else rank
+
+    def by(self, value: str) -> StudyPoints:
+        """The same points ranked by another number."""
+        other = StudyPoints(self.table, value)
+        for name in ("bodies", "_columns", "statuses"):
+            if name in vars(self):
+                vars(other)[name] = vars(self)[name]
+        return other
+
+    @cached_property
+    def best_first(self) -> Indices:
+        """The points that are done: solved ones, the best first, then infeasible ones, then those
+        that failed.
+        """
+        done = np.flatnonzero(self.statuses != "missing")
+        statuses = self.statuses[done]
+        kinds = np.select([statuses == "solved", statuses == "infeasible"], [0, 1], 2)
+        values = np.nan_to_num(self.values[done], nan=-np.inf)
+        return done[np.lexsort((-values, kinds))]
+
+    def seen(self, numbers: Indices, part: str) -> Mask:
+        """Which of some points belong to a part of all, see `PARTS`, (count,)."""
+        if part in ("all", "none"):
+            return np.full(len(numbers), part == "all")
+        least = len(self.ranking) if part == "solved" else -(-len(self.ranking) // 10)
+        ranks = self._ranks[numbers]
+        return (ranks >= 0) & (ranks < least)
+
+    def marks(self, body: str) -> Marks:
+        """The points as marks in the scene, where a body stands."""
+        order = self.best_first
+        positions = self.bodies.positions(body, self._columns)[order]
+        places, first, place = np.unique(positions, axis=0, return_index=True, return_inverse=True)
+        return Marks(places, order[first], order, place.ravel())
+
+
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """Marks in the scene, one at each place.
+
+    Attributes:
+        places: m, (count, 3).
+        points: the best point at each place, (count,).
+        ranked: all points, the best first, (points,).
+        place: of each of them by number, (points,).
+    """
+
+    places: Array
+    points: Indices
+    ranked: Indices
+    place: Indices
+
+    @cached_property
+    def distance(self) -> float:
+        """The distance of most marks from the nearest other one, m; 0 of one mark."""
+        if len(self.places) < 2:
+            return 0.0
+        from scipy.spatial import KDTree
+
+        distances, _ = KDTree(self.places).query(self.places, k=2)
+        return float(np.median(np.asarray(distances)[:, 1]))
+
+    def at(self, point: int) -> Array | None:
+        """The place of a point, m, (3,); None where it has none."""
+        for place in self.place[self.ranked == point].tolist():
+            return np.array(self.places[place])
+        return None
+
+    def here(self, point: int) -> list[int]:
+        """All points at the place of one, the best first."""
+        places = self.place[self.ranked == point]
+        points: list[int] = (
+            self.ranked[self.place == places[0]].tolist() if len(places) else [point]
+        )
+        return points
+
+    def hit(
+        self, origin: Array, direction: Array, radius: float, seen: Mask, spread: float = 0.01
+    ) -> int | None:
+        """The best point of the mark that a ray hits; None where it hits none.
+
+        Of marks that it meets the nearest is hit; where it meets none, the one that it passes at
+        the smallest angle.
+
+        Args:
+            origin: of the ray, m, (3,).
+            direction: a unit vector, (3,).
+            radius: of marks, m.
+            seen: marks that can be hit, (count,).
+            spread: rad, by which a hand may miss.
+        """
+        ahead = (self.places - origin) @ direction
+        away = np.linalg.norm(self.places - origin - ahead[:, None] * direction, axis=1)
+        ahead[~seen] = -np.inf
+        met = (ahead > 0) & (away <= radius)
+        if met.any():
+            return int(self.points[np.where(met, ahead, np.inf).argmin()])
+        angle = np.where(ahead > 0, away / np.maximum(ahead, 1e-9), np.inf)
+        near = int(angle.argmin())
+        return int(self.points[near]) if angle[near] <= spread else None

@@ -1,0 +1,175 @@
+"""The frame of the picture of a study: words above, the trade-off beside, the legend below."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from copose.report.studies.charts.pair_plot import PairLook
+from copose.report.studies.charts.trade_off import draw_trade_off, named_told
+from copose.report.studies.key_axes import in_lines
+from copose.report.studies.map_content import MapContent
+
+
+@dataclass(frozen=True)
+class StudyLook:
+    """Sizes of the picture of a study, inches but for the last three."""
+
+    wide: float = 8.6  # width of a map
+    tall: float = 5.6  # its height, without words
+    beside: float = 6.4  # width of the trade-off beside it
+    slice: float = 3.0  # width and height of a slice
+    pair: float = 2.3  # height of a row of pairs
+    parallel: float = 3.6  # height of parallel coordinates
+    many: float = 14.0  # width of charts of many keys
+    row: float = 0.3  # height of a row for a name
+    least: float = 2.2  # height of rows for names
+    most: float = 12.0  # alike
+    heading: float = 0.22  # height of a line of the heading
+    line: float = 0.19  # of the caption
+    entry: float = 0.24  # of the legend
+    edge: float = 0.12  # around words
+    bold: float = 10.5  # letters of the heading to an inch
+    letters: float = 13.0  # of the caption
+    grey: str = "#555555"  # colour of the caption
+
+
+@dataclass(frozen=True)
+class StudyFrame:
+    """A figure with a place for the map of a study, and for the trade-off beside it.
+
+    Attributes:
+        content: the map.
+        figure: the figure.
+        charts: where the map is drawn.
+        beside: where the trade-off is drawn; None where there is none.
+        look: sizes.
+    """
+
+    content: MapContent
+    figure: Figure
+    charts: Any
+    beside: Any
+    look: StudyLook
+
+    @classmethod
+    def of(cls, content: MapContent, look: StudyLook, wide: float, tall: float) -> StudyFrame:
+        """A frame around a map of a size, inches."""
+        beside = content.trade_off is not None
+        figure = Figure(figsize=(wide + look.beside * beside, tall))
+        figure.set_layout_engine("constrained")
+        if not beside:
+            return cls(content, figure, figure, None, look)
+        both: Any = figure.subfigures(1, 2, width_ratios=[wide, look.beside], wspace=0.03)
+        return cls(content, figure, both[0], both[1], look)
+
+    def finished(self, handles: list[Any]) -> Figure:
+        """The figure with words and a legend, the best point first; it grows by their heights."""
+        self._draw_trade_off()
+        wide, charts = (float(inches) for inches in self.figure.get_size_inches())
+        look, content = self.look, self.content
+        heading = textwrap.wrap(content.heading(), int(look.bold * wide))
+        caption = [line for part in _caption(content)
+                   for line in textwrap.wrap(part, int(look.letters * wide))]  # fmt: skip
+        ordered = sorted(handles, key=lambda handle: not _is_star(handle))
+        columns, rows = _legend_grid([_label(each) for each in ordered], wide - 2 * look.edge)
+        head = look.heading * len(heading) + look.line * len(caption) + 2 * look.edge
+        foot = look.entry * rows + look.edge
+        tall = charts + head + foot
+        self.figure.set_size_inches(wide, tall)
+        engine: Any = self.figure.get_layout_engine()
+        engine.set(rect=(0.005, foot / tall, 0.99, charts / tall))
+        self._write(heading, caption)
+        if ordered:
+            self._draw_legend(ordered, columns)
+        return self.figure
+
+    def _draw_trade_off(self) -> None:
+        """The trade-off with its legend above, and named points of the front below."""
+        if self.beside is None:
+            return
+        ax, letters = self.beside.subplots(), int(self.look.letters * self.look.beside)
+        draw_trade_off(ax, self.content)
+        ax.legend(frameon=False, fontsize=9, loc="lower left", bbox_to_anchor=(0, 1.0), ncols=2,
+                  borderaxespad=0.1)  # fmt: skip
+        lines = [in_lines(line, letters, 2) for line in named_told(self.content)]
+        self.beside.supxlabel("\n".join(lines), x=0.02, ha="left", fontsize=9, color=self.look.grey)
+
+    def _write(self, heading: list[str], caption: list[str]) -> None:
+        look = self.look
+        wide, tall = self.figure.get_size_inches()
+        left, top = look.edge / wide, 1 - look.edge / tall
+        self.figure.text(left, top, "\n".join(heading), fontweight="bold", fontsize=11, va="top")
+        self.figure.text(left, top - look.heading * len(heading) / tall, "\n".join(caption),
+                         fontsize=9.5, va="top", color=look.grey, linespacing=1.3)  # fmt: skip
+
+    def _draw_legend(self, handles: list[Any], columns: int) -> None:
+        """A legend at the foot."""
+        wide, tall = self.figure.get_size_inches()
+        place = self.look.edge / wide, 0.3 * self.look.edge / tall
+        self.figure.legend(
+            handles=handles, ncols=columns,
+            loc="lower left", bbox_to_anchor=place, frameon=False, fontsize=9, columnspacing=1.4,
+            handlelength=2.0, handleheight=1.3, borderaxespad=0,
+        )  # fmt: skip
+
+
+def stars(ax: Any) -> list[Any]:
+    """The mark of the best point in a map, as an entry of a legend; none where there is none."""
+    return [collection for collection in ax.collections if _is_star(collection)]
+
+
+def _is_star(artist: Any) -> bool:
+    return _label(artist).startswith(("best: ", "largest: "))
+
+
+def _label(artist: Any) -> str:
+    return str(artist.get_label())
+
+
+def _legend_grid(words: list[str], inches: float) -> tuple[int, int]:
+    """Columns and rows of a legend: as many columns as fit."""
+    lengths = [len(entry) for entry in words]
+    for columns in range(len(words), 0, -1):
+        # As Matplotlib fills columns, the longer ones first.
+        widths = [0.62 + 0.075 * max(part) for part in np.array_split(lengths, columns)]
+        if sum(widths) <= inches or columns == 1:
+            return columns, -(-len(words) // columns)
+    return 1, 0
+
+
+def _caption(content: MapContent) -> Iterable[str]:
+    """What a reader has to know: counts, seeds, what is drawn."""
+    study = content.table.study
+    if study.file.description:
+        yield study.file.description
+    yield "; ".join(filter(None, (content.counts(), content.seeds_told())))
+    if len(content.axes) < len(study.points.axes):
+        yield f"at each point the largest {content.value} over all other keys"
+    if len(content.axes) == 3 and not content.sampled:
+        yield f"slices of {content.axes[2].name}"
+    elif len(content.axes) > 3 or (len(content.axes) == 3 and content.sampled):
+        yield from _many_told(content)
+
+
+def _many_told(content: MapContent) -> Iterable[str]:
+    pairs = PairLook()
+    if not content.sampled or len(content.places) > pairs.dots:
+        yield (
+            f"each cell of a pair: the largest {content.value} over all other keys; grey where "
+            "none is solved"
+        )
+    else:
+        yield f"grey crosses: not solved; lines below: the {pairs.first} best and others, by rank"
+    yield (
+        "importance: share of the variance that the key alone explains, Var E[value | key] / "
+        "Var value, from bins (ε²); shares need not add up to 100 %"
+    )
+    left_out = len(content.axes) - pairs.keys
+    if left_out > 0:
+        yield f"pairs of the {pairs.keys} most important keys of {len(content.axes)}"

@@ -1,0 +1,1 @@
+"""The points of a study: values, problems, hashes, lines."""

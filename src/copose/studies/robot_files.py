@@ -1,0 +1,198 @@
+"""The files of a study's robots, by content: part of every point's hash, and sent to workers."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import itertools
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
+
+from copose.collision.links.robot_sources import RobotSources, content_of
+from copose.errors import InputError, arm_key, blamed_on
+from copose.problem import PlanarArm, Problem, RobotArm, changed, overridden
+from copose.robots.robot import RobotsRead, read_robot
+from copose.studies.points.problems import PointProblems
+from copose.studies.study_file import StudyFile, Vary
+
+# Keys of ``[[arms]]`` that say which files a robot is read from.
+_FILE_KEYS = ("urdf", "mjcf", "packages", "xacro_args")
+
+
+@dataclass(frozen=True)
+class RobotPlace:
+    """Where a robot's file is, and the packages that it names."""
+
+    file: Path
+    packages: Mapping[str, Path]
+
+
+@dataclass(frozen=True)
+class RobotPlaces:
+    """Where the robots of a study are, and what their files hold: small, whatever the meshes.
+
+    Attributes:
+        robots: by what the tables of arms say of a robot's files, see `_name`.
+        digests: of the files, by absolute path; None where there must be none.
+    """
+
+    robots: Mapping[str, RobotPlace]
+    digests: Mapping[Path, bytes | None]
+
+    @property
+    def there(self) -> bool:
+        """True where this machine has the same files at the same paths."""
+        return all(_digest(content_of(file)) == digest for file, digest in self.digests.items())
+
+
+@dataclass(frozen=True)
+class RobotFiles:
+    """Robot files and whatever they name that decides an answer.
+
+    Attributes:
+        contents: by absolute path; None where there is no file, and one would matter.
+        robots: where each robot is among them, see `RobotPlaces`.
+    """
+
+    contents: Mapping[Path, bytes | None]
+    robots: Mapping[str, RobotPlace]
+
+    @classmethod
+    def of(cls, problems: PointProblems, study: StudyFile) -> Self:
+        """The files of all robots that the points of a study name.
+
+        Raises:
+            InputError: a robot cannot be read.
+        """
+        contents: dict[Path, bytes | None] = {}
+        robots: dict[str, RobotPlace] = {}
+        read: RobotsRead = {}
+        for problem in _robot_problems(problems, study):
+            for i, arm in enumerate(problem.arms):
+                if isinstance(arm, RobotArm):
+                    with blamed_on(problems.file):
+                        robot = read_robot(arm, problems.file.parent, arm_key(i, arm.name), read)
+                    sources = RobotSources.of(robot, shapes=problem.constraints.collision)
+                    contents |= sources.contents
+                    packages = {**robot.packages, **sources.packages}
+                    robots[_name(arm)] = RobotPlace(sources.file, packages)
+        return cls(contents, robots)
+
+    @cached_property
+    def digest(self) -> str:
+        """A hash of all contents and names, whatever the folders."""
+        state = hashlib.blake2b(digest_size=16)
+        for file, content in self.contents.items():
+            if content is not None:
+                state.update(f"{file.name}\0{len(content)}\0".encode())
+                state.update(content)
+        return state.hexdigest()
+
+    @cached_property
+    def places(self) -> RobotPlaces:
+        """The same without the contents."""
+        digests = {file: _digest(content) for file, content in self.contents.items()}
+        return RobotPlaces(self.robots, digests)
+
+    def write(self, root: Path) -> None:
+        """Write the files below a folder, each at its path; names that are paths go there, too."""
+        written = dict[Path, bytes]()
+        for file, content in self.contents.items():
+            if content is not None:
+                place = below(root, file)
+                place.parent.mkdir(parents=True, exist_ok=True)
+                place.write_bytes(content)
+                written[place] = content
+        for place, content in written.items():
+            if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+                place.write_bytes(_moved(content, root))
+
+
+class PlacedProblems(PointProblems):
+    """The problems of a study with their robots' files where a worker has them."""
+
+    def __init__(self, problems: PointProblems, places: RobotPlaces, root: Path | None) -> None:
+        """The problems of a study on a worker.
+
+        Args:
+            problems: as they are asked.
+            places: of the robots.
+            root: the folder below which the files were written; None where they are in place.
+        """
+        super().__init__(problems.tables, problems.file)
+        self._problems, self._robots, self._root = problems, places.robots, root
+
+    def at(self, values: Mapping[str, Any]) -> Problem:
+        """See `PointProblems.at`."""
+        problem = self._problems.at(values)
+        return changed(problem, {"arms": tuple(map(self._placed, problem.arms))})
+
+    def _placed(self, arm: RobotArm | PlanarArm) -> RobotArm | PlanarArm:
+        place = self._robots.get(_name(arm)) if isinstance(arm, RobotArm) else None
+        if not isinstance(arm, RobotArm) or place is None:
+            return arm
+        packages = {name: str(below(self._root, path)) for name, path in place.packages.items()}
+        update = {arm.kind: str(below(self._root, place.file)), "packages": packages}
+        return arm.model_copy(update={**update, "xacro_args": {}})
+
+
+def below(root: Path | None, path: Path) -> Path:
+    """Where an absolute path is below a folder; without one, the path itself."""
+    return path if root is None else root / path.relative_to(path.anchor)
+
+
+def _name(arm: RobotArm) -> str:
+    """What an arm says of its robot's files."""
+    return json.dumps([getattr(arm, key) for key in _FILE_KEYS], sort_keys=True)
+
+
+def _digest(content: bytes | None) -> bytes | None:
+    return None if content is None else hashlib.blake2b(content, digest_size=16).digest()
+
+
+def _moved(content: bytes, root: Path) -> bytes:
+    """XML whose attributes name files and folders below a root where they name absolute paths."""
+
+    def moved(match: re.Match[bytes]) -> bytes:
+        quote, scheme, path = match.groups()
+        place = below(root, Path(path.decode(errors="replace")))
+        return b"".join((quote, scheme, bytes(place), quote)) if place.exists() else match[0]
+
+    return re.sub(rb"([\"'])(file://)?(/[^\"'<>]+)\1", moved, content)
+
+
+def _robot_problems(problems: PointProblems, study: StudyFile) -> Iterator[Problem]:
+    """Problems that between them name all robot files of a study."""
+    first = {key: value for vary in study.vary for key, value in _rows(vary)[0].items()}
+    choices = []
+    for vary in study.vary:
+        different: dict[str, dict[str, Any]] = {}
+        for row in _rows(vary):
+            with contextlib.suppress(InputError):
+                said = _said(overridden(problems.tables, {**first, **row}))
+                different.setdefault(said, row)
+        choices.append(list(different.values()) or [{}])
+    for rows in itertools.product(*choices):
+        # What is wrong with a problem its points say.
+        with contextlib.suppress(InputError):
+            yield problems.at({**first, **{k: v for row in rows for k, v in row.items()}})
+
+
+def _rows(vary: Vary) -> list[dict[str, Any]]:
+    """The values of a ``[[vary]]`` table; of a range, which names no file, its ends."""
+    if vary.values is None:
+        return [{vary.names[0]: vary.lower}, {vary.names[0]: vary.upper}]
+    rows = vary.values if vary.keys is not None else tuple((value,) for value in vary.values)
+    return [dict(zip(vary.names, row, strict=True)) for row in rows]
+
+
+def _said(tables: Mapping[str, Any]) -> str:
+    """What the tables of a problem say of robot files, and whether shapes matter."""
+    arms = [{key: arm.get(key) for key in _FILE_KEYS} for arm in tables["arms"]]
+    collision = tables.get("constraints", {}).get("collision")
+    return json.dumps([arms, collision], sort_keys=True, default=str)

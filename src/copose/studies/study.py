@@ -1,0 +1,84 @@
+"""A study: its file, the points that it asks for, and the problem at each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Self
+
+from copose.errors import InputError
+from copose.problem import read_text, tables_in
+from copose.studies.points.hashes import PointHashes
+from copose.studies.points.index import PointIndex
+from copose.studies.points.points import Points
+from copose.studies.points.problems import PointProblems
+from copose.studies.robot_files import RobotFiles
+from copose.studies.study_file import StudyFile, parse_study
+
+
+class Study:
+    """A study with all that its file names.
+
+    Attributes:
+        file: the study file.
+        problems: by the values of a point.
+        points: by number.
+        hashes: of the points.
+        texts: the files' texts and what is common to all hashes: of them it can be made anew.
+    """
+
+    def __init__(
+        self,
+        file: StudyFile,
+        problems: PointProblems,
+        hashes: PointHashes,
+        texts: Mapping[str, str],
+    ) -> None:
+        """A study of these parts; see `read`."""
+        self.file, self.problems, self.hashes, self.texts = file, problems, hashes, texts
+        self.points = Points(file)
+
+    @classmethod
+    def read(cls, path: str | Path) -> Self:
+        """The study of a file.
+
+        Raises:
+            InputError: the file, the problem file or a robot file is wrong.
+        """
+        file = Path(path)
+        text = read_text(file)
+        study = parse_study(tables_in(text, file), file)
+        try:
+            problem_text = read_text(study.problem_file)
+        except InputError as error:
+            told = f"{error.file}: {error.message}"
+            raise InputError(told, key="problem", file=file) from None
+        problems = PointProblems.of(study, problem_text)
+        robots = RobotFiles.of(problems, study).digest
+        hashes = PointHashes.of(study, problems.tables, robots)
+        texts = {
+            "file": str(file.absolute()),
+            "study": text,
+            "problem": problem_text,
+            "common": hashes.common,
+        }
+        return cls(study, problems, hashes, texts)
+
+    @classmethod
+    def of_texts(cls, texts: Mapping[str, str]) -> Self:
+        """The study that has these `texts`; its robots may have changed since.
+
+        Raises:
+            InputError: the problem cannot be read any more.
+            KeyError: a text is missing.
+        """
+        file = Path(texts["file"])
+        study = parse_study(tables_in(texts["study"], file), file)
+        problems = PointProblems.of(study, texts["problem"])
+        return cls(study, problems, PointHashes(texts["common"]), texts)
+
+    @cached_property
+    def index(self) -> PointIndex:
+        """The points by their hashes."""
+        return PointIndex(self.points, self.hashes)
