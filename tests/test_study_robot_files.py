@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from cells import toml
+from copose.batch.point_solver import points_of
 from copose.cell.cell import Cell
 from copose.collision import Scene
 from copose.studies import Study
@@ -30,7 +31,7 @@ def files_of(study: Study) -> RobotFiles:
 
 def digest(folder: Path, vary: list[dict[str, Any]] = REACH, **arm: object) -> str:
     named = {"urdf": URDF, "packages": {"parts": "parts"}} | arm
-    return files_of(arm_study(folder, vary, **named)).digest
+    return files_of(arm_study(folder, vary, **named)).digests.whole
 
 
 @pytest.mark.parametrize(
@@ -150,3 +151,23 @@ def test_a_mujoco_model_is_the_same_elsewhere(tmp_path: Path) -> None:
     files.write(tmp_path / "worker")
     placed = PlacedProblems(read.problems, files.places, tmp_path / "worker").at({})
     assert [arm.fingerprint for arm in Cell.of(placed).arms] == expected
+
+
+def test_another_robot_leaves_the_hashes_of_the_others(tmp_path: Path) -> None:
+    """The file of a robot counts at the points that read it, and at no others."""
+    files = {name: package(tmp_path / name) / "urdf/arm.urdf" for name in ("one", "two", "three")}
+    for i, file in enumerate(files.values()):
+        file.write_text(file.read_text().replace('lower="-2"', f'lower="-1.{i}"', 1))
+
+    def hashes(*names: str) -> dict[str, bytes]:
+        robots = {"key": "arms.a.urdf", "values": [f"{name}/urdf/arm.urdf" for name in names]}
+        study = arm_study(tmp_path, [robots, *REACH], packages={"parts": "one"})
+        points = points_of(study, range(len(study.points)))
+        return {str(point.values): point.point_hash for point in points}
+
+    before = hashes("one", "two")
+    assert before.items() <= hashes("three", "two", "one").items()
+    files["two"].write_text(files["two"].read_text().replace('upper="2"', 'upper="1"', 1))
+    after = hashes("one", "two")
+    same = {values for values in before if after[values] == before[values]}
+    assert same == {values for values in before if "one/" in values}

@@ -7,7 +7,7 @@ import hashlib
 import itertools
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +17,7 @@ from copose.collision.links.robot_sources import RobotSources, content_of
 from copose.errors import InputError, arm_key, blamed_on
 from copose.problem import PlanarArm, Problem, RobotArm, changed, overridden
 from copose.robots.robot import RobotsRead, read_robot
+from copose.studies.points.hashes import RobotDigests, canonical
 from copose.studies.points.problems import PointProblems
 from copose.studies.study_file import StudyFile, Vary
 
@@ -57,10 +58,12 @@ class RobotFiles:
     Attributes:
         contents: by absolute path; None where there is no file, and one would matter.
         robots: where each robot is among them, see `RobotPlaces`.
+        digests: of all contents and names, and of those that a point reads.
     """
 
     contents: Mapping[Path, bytes | None]
     robots: Mapping[str, RobotPlace]
+    digests: RobotDigests
 
     @classmethod
     def of(cls, problems: PointProblems, study: StudyFile) -> Self:
@@ -71,27 +74,24 @@ class RobotFiles:
         """
         contents: dict[Path, bytes | None] = {}
         robots: dict[str, RobotPlace] = {}
+        parts: dict[str, str] = {}
         read: RobotsRead = {}
-        for problem in _robot_problems(problems, study):
+        choices = _choices(problems, study)
+        for numbers, problem in _robot_problems(problems, choices):
+            own: dict[Path, bytes | None] = {}
             for i, arm in enumerate(problem.arms):
                 if isinstance(arm, RobotArm):
                     with blamed_on(problems.file):
                         robot = read_robot(arm, problems.file.parent, arm_key(i, arm.name), read)
                     sources = RobotSources.of(robot, shapes=problem.constraints.collision)
-                    contents |= sources.contents
+                    own |= sources.contents
                     packages = {**robot.packages, **sources.packages}
                     robots[_name(arm)] = RobotPlace(sources.file, packages)
-        return cls(contents, robots)
-
-    @cached_property
-    def digest(self) -> str:
-        """A hash of all contents and names, whatever the folders."""
-        state = hashlib.blake2b(digest_size=16)
-        for file, content in self.contents.items():
-            if content is not None:
-                state.update(f"{file.name}\0{len(content)}\0".encode())
-                state.update(content)
-        return state.hexdigest()
+            contents |= own
+            parts[numbers] = _digest_of(own)
+        varied = [choice for choice in choices if len(choice.rows) > 1]
+        told = tuple((choice.keys, choice.numbers) for choice in varied)
+        return cls(contents, robots, RobotDigests(_digest_of(contents), told, parts))
 
     @cached_property
     def places(self) -> RobotPlaces:
@@ -166,21 +166,58 @@ def _moved(content: bytes, root: Path) -> bytes:
     return re.sub(rb"([\"'])(file://)?(/[^\"'<>]+)\1", moved, content)
 
 
-def _robot_problems(problems: PointProblems, study: StudyFile) -> Iterator[Problem]:
-    """Problems that between them name all robot files of a study."""
+@dataclass(frozen=True)
+class _Choice:
+    """The different robot files that a ``[[vary]]`` table names.
+
+    Attributes:
+        keys: of the table.
+        rows: one for each choice.
+        numbers: of the choice, by a row of values, JSON.
+    """
+
+    keys: tuple[str, ...]
+    rows: tuple[Mapping[str, Any], ...]
+    numbers: Mapping[str, int]
+
+
+def _choices(problems: PointProblems, study: StudyFile) -> tuple[_Choice, ...]:
+    """What each ``[[vary]]`` table of a study does to robot files."""
     first = {key: value for vary in study.vary for key, value in _rows(vary)[0].items()}
     choices = []
     for vary in study.vary:
-        different: dict[str, dict[str, Any]] = {}
+        different: dict[str, Mapping[str, Any]] = {}
+        numbers: dict[str, int] = {}
         for row in _rows(vary):
             with contextlib.suppress(InputError):
                 said = _said(overridden(problems.tables, {**first, **row}))
                 different.setdefault(said, row)
-        choices.append(list(different.values()) or [{}])
-    for rows in itertools.product(*choices):
+                numbers[canonical(list(row.values()))] = list(different).index(said)
+        rows = tuple(different.values()) or (_rows(vary)[0],)
+        choices.append(_Choice(vary.names, rows, numbers))
+    return tuple(choices)
+
+
+def _robot_problems(
+    problems: PointProblems, choices: Sequence[_Choice]
+) -> Iterator[tuple[str, Problem]]:
+    """Problems that between them name all robot files, by the numbers of their choices."""
+    for rows in itertools.product(*(enumerate(choice.rows) for choice in choices)):
+        numbers = [i for (i, _), choice in zip(rows, choices, strict=True) if len(choice.rows) > 1]
         # What is wrong with a problem its points say.
         with contextlib.suppress(InputError):
-            yield problems.at({**first, **{k: v for row in rows for k, v in row.items()}})
+            values = {key: value for _, row in rows for key, value in row.items()}
+            yield ",".join(map(str, numbers)), problems.at(values)
+
+
+def _digest_of(contents: Mapping[Path, bytes | None]) -> str:
+    """A hash of contents and names of files, whatever the folders."""
+    state = hashlib.blake2b(digest_size=16)
+    for file, content in contents.items():
+        if content is not None:
+            state.update(f"{file.name}\0{len(content)}\0".encode())
+            state.update(content)
+    return state.hexdigest()
 
 
 def _rows(vary: Vary) -> list[dict[str, Any]]:

@@ -9,7 +9,7 @@ from typing import Self
 
 from copose.errors import InputError
 from copose.problem import read_text, tables_in
-from copose.studies.points.hashes import PointHashes
+from copose.studies.points.hashes import PointHashes, RobotDigests
 from copose.studies.points.index import PointIndex
 from copose.studies.points.points import Points
 from copose.studies.points.problems import PointProblems
@@ -25,7 +25,7 @@ class Study:
         problems: by the values of a point.
         points: by number.
         hashes: of the points.
-        texts: the files' texts and what is common to all hashes: of them it can be made anew.
+        texts: the files' texts and what the hashes are made of: of them it can be made anew.
     """
 
     def __init__(
@@ -55,13 +55,14 @@ class Study:
             told = f"{error.file}: {error.message}"
             raise InputError(told, key="problem", file=file) from None
         problems = PointProblems.of(study, problem_text)
-        robots = RobotFiles.of(problems, study).digest
-        hashes = PointHashes.of(study, problems.tables, robots)
+        robots = RobotFiles.of(problems, study)
+        hashes = PointHashes.of(study, problems.tables, robots.digests)
         texts = {
             "file": str(file.absolute()),
             "study": text,
             "problem": problem_text,
             "common": hashes.common,
+            "robots": hashes.robots.text,
         }
         return cls(study, problems, hashes, texts)
 
@@ -72,11 +73,13 @@ class Study:
         Raises:
             InputError: the problem cannot be read any more.
             KeyError: a text is missing.
+            ValueError: a text is damaged.
         """
         file = Path(texts["file"])
         study = parse_study(tables_in(texts["study"], file), file)
         problems = PointProblems.of(study, texts["problem"])
-        return cls(study, problems, PointHashes(texts["common"]), texts)
+        robots = RobotDigests.of_text(texts["robots"])
+        return cls(study, problems, PointHashes(texts["common"], robots), texts)
 
     @cached_property
     def index(self) -> PointIndex:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 from copose.studies.study_file import StudyFile
@@ -13,45 +14,77 @@ from copose.version import __version__
 # Of the lines of a record; one more whenever their keys or their meaning change.
 RECORD_FORMAT = 1
 # JSON that is the same for equal data; dates and their like as TOML has them.
-_canonical = json.JSONEncoder(sort_keys=True, separators=(",", ":"), default=str).encode
+canonical = json.JSONEncoder(sort_keys=True, separators=(",", ":"), default=str).encode
+
+
+@dataclass(frozen=True)
+class RobotDigests:
+    """Hashes of the robot files that points read.
+
+    Attributes:
+        whole: of all files.
+        choices: for each ``[[vary]]`` whose values name different files its keys, and the number of
+            the choice by a row of their values, JSON.
+        parts: hash of the files of a combination of choices, by their numbers with commas.
+    """
+
+    whole: str
+    choices: tuple[tuple[tuple[str, ...], Mapping[str, int]], ...] = ()
+    parts: Mapping[str, str] = field(default_factory=dict)
+
+    def at(self, values: Mapping[str, Any]) -> str:
+        """The hash of the files that a point with these values reads."""
+        numbers = []
+        for keys, rows in self.choices:
+            numbers.append(rows.get(canonical([values[key] for key in keys])))
+        return self.parts.get(",".join(map(str, numbers)), self.whole)
+
+    @classmethod
+    def of_text(cls, text: str) -> Self:
+        """The digests of their `text`.
+
+        Raises:
+            ValueError: it is none.
+        """
+        whole, choices, parts = json.loads(text)
+        return cls(whole, tuple((tuple(keys), rows) for keys, rows in choices), parts)
+
+    @property
+    def text(self) -> str:
+        """All of it as JSON."""
+        return canonical([self.whole, self.choices, self.parts])
 
 
 class PointHashes:
     """The hashes of a study's points: of what all have in common, of each one's values and seed.
 
     Attributes:
-        common: hash of problem, robot files, command, effort, what is recorded, and version.
+        common: hash of problem, command, effort, what is recorded, and version.
+        robots: hashes of robot files.
     """
 
-    def __init__(self, common: str) -> None:
+    def __init__(self, common: str, robots: RobotDigests) -> None:
         """The hashes of points with this in common, see `of`."""
-        self.common = common
+        self.common, self.robots = common, robots
         self._state = hashlib.blake2b(common.encode(), digest_size=16)
 
     @classmethod
-    def of(cls, study: StudyFile, tables: Mapping[str, Any], robots: str) -> Self:
-        """The hashes of a study.
-
-        Args:
-            study: as read.
-            tables: of the problem, see `PointProblems`.
-            robots: a digest of all robot files.
-        """
+    def of(cls, study: StudyFile, tables: Mapping[str, Any], robots: RobotDigests) -> Self:
+        """The hashes of a study, of the tables of its problem, see `PointProblems`."""
         common = {
             "format": RECORD_FORMAT,
             "copose": __version__,
-            "problem": {
-                k: table for k, table in tables.items() if k not in ("description", "name")
-            },
-            "robots": robots,
+            "problem": {k: v for k, v in tables.items() if k not in ("description", "name")},
             "command": study.command,
             "effort": study.effort,
             "record": study.record,
         }
-        return cls(hashlib.blake2b(_canonical(common).encode(), digest_size=16).hexdigest())
+        digest = hashlib.blake2b(canonical(common).encode(), digest_size=16).hexdigest()
+        return cls(digest, robots)
 
     def at(self, values: Mapping[str, Any], seed: int) -> bytes:
         """The hash of a point, 16 bytes."""
         state = self._state.copy()
-        state.update(_canonical({"values": values, "seed": seed}).encode())
+        own = {"values": values, "seed": seed, "robots": self.robots.at(values)}
+        state.update(canonical(own).encode())
         return state.digest()
