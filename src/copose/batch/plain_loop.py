@@ -45,7 +45,7 @@ class CrashLog:
             self._file.unlink(missing_ok=True)
 
     def times(self, point: Point) -> int:
-        """How many processes have died of a point."""
+        """The number of processes that have died of a point."""
         return self._failed.count(point.point_hash.hex())
 
     @contextlib.contextmanager

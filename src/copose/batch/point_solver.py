@@ -24,7 +24,7 @@ from copose.studies.study_file import CommandName, EffortName
 
 @dataclass(frozen=True)
 class Recipe:
-    """What all points of a study have in common: small, and sent to every worker.
+    """The part of all points of a study that is the same: small, and sent to every worker.
 
     Attributes:
         problems: by the values of a point.

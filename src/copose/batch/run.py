@@ -29,7 +29,7 @@ from copose.studies.table import StudyTable
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a study is run."""
+    """Options of a run."""
 
     workers: int = 1  # processes of a local cluster; 1 is a plain loop in this process
     scheduler: str | None = None  # address of a Dask scheduler that exists
@@ -39,7 +39,7 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """What a run has come to.
+    """The end of a run.
 
     Attributes:
         points: different ones that the study asks for.

@@ -26,12 +26,12 @@ class Estimate:
 
     @property
     def mean_s(self) -> float:
-        """Of a point, s."""
+        """Mean time of a point, s."""
         return sum(self.point_s) / len(self.point_s)
 
     @property
     def total_s(self) -> float:
-        """Of all points, s."""
+        """Time of all points, s."""
         return self.build_s + self.points * self.mean_s
 
 

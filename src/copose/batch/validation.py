@@ -20,7 +20,7 @@ from copose.studies.study import Study
 
 @dataclass(frozen=True)
 class ValidationOptions:
-    """How much of a large study is validated."""
+    """Limits of the validation of a large study."""
 
     rows: int = 100_000  # of one key; of a longer grid so many, evenly
     structures: int = 200  # problems whose robots are read

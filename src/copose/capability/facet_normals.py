@@ -107,7 +107,7 @@ class FacetNormals:
 
 @cache
 def _products(m: int) -> tuple[_Product, ...]:
-    """What the minors of two groups of columns come to as normals."""
+    """Normals from the minors of two groups of columns."""
     products = []
     for k in range(m):
         number, other = (

@@ -43,7 +43,7 @@ class SchedulerLostError(CoposeError):
 
 @dataclass(frozen=True)
 class DispatchOptions:
-    """How points are handed out."""
+    """Sizes of batches, and times between looks at workers."""
 
     batch_s: float = 0.4  # time of a batch
     workers: int = 8  # of more, batches take longer in proportion: each costs 10 ms here

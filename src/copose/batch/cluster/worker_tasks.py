@@ -89,7 +89,7 @@ class WorkerSolver:
 
 
 def find_files(robots: RobotPlaces) -> Root | None:
-    """Where this machine has a study's robot files; None where it has not, or has others."""
+    """The folder of a study's robot files here; None where they are missing, or are others."""
     return Root(None) if robots.there else None
 
 
