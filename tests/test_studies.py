@@ -292,6 +292,33 @@ def test_wrong_input_leaves_a_folder_as_it_was(tmp_path: Path, capsys) -> None:
     assert capsys.readouterr().err.count("\n") == 2
 
 
+def test_a_second_command_leaves_the_first_ones_record(tmp_path: Path, capsys) -> None:
+    file, out = written(tmp_path, study_text()), tmp_path / "out"
+    with StudyRecord(out / "study.jsonl"):
+        assert main(["study", str(file), "-o", str(out)]) == 2
+        assert [path.name for path in out.iterdir()] == ["study.jsonl"]
+    assert "another process is writing" in capsys.readouterr().err
+
+
+def test_a_folder_is_of_the_study_that_wrote_last(tmp_path: Path, monkeypatch) -> None:
+    """Where a run fails, too, once it has written a line."""
+    run(written(tmp_path, study_text()), tmp_path / "out")
+    wider = written(tmp_path, study_text(vary=[{**RANGE, "to": 0.9, "steps": 9}]))
+    append, left = StudyRecord.append, [2]
+
+    def until_full(record: StudyRecord, line: str) -> None:
+        left[0] -= 1
+        if left[0] < 0:
+            raise InputError("cannot be written: No space left on device")
+        append(record, line)
+
+    monkeypatch.setattr(StudyRecord, "append", until_full)
+    with pytest.raises(InputError, match="No space left"):
+        run(wider, tmp_path / "out")
+    folder = StudyFolder(tmp_path / "out")
+    assert StudyTable.of(folder.study(), folder).statuses == ("solved",) * 7 + ("missing",) * 2
+
+
 @pytest.mark.parametrize(
     "change",
     [('"missing": []', '"missing": 3'), ('"record"', '"recrod"'), ('{"point"', '{{"point"')],
@@ -405,6 +432,17 @@ def test_tables_say_what_the_lines_say(tmp_path: Path) -> None:
         assert str(cell["status"].item()) == line["status"]
         number = cell["after.ellipsoid.radii.0"].item()
         assert (None if np.isnan(number) else number) == line["record"][record[0]]
+
+
+def test_objectives_of_several_kinds_have_no_best(tmp_path: Path) -> None:
+    assert run(written(tmp_path, study_text(vary=[LIST])), tmp_path / "out").best(1) == []
+
+
+def test_workers_are_a_scheduler_or_processes(tmp_path: Path, capsys) -> None:
+    file = str(written(tmp_path, study_text()))
+    both = ["--workers", "2", "--scheduler", "tcp://127.0.0.1:9"]
+    assert main(["study", file, "-o", str(tmp_path / "out"), *both]) == 2
+    assert "--workers: and --scheduler exclude each other" in capsys.readouterr().err
 
 
 def test_the_best_are_different_places(tmp_path: Path) -> None:

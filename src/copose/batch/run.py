@@ -17,7 +17,6 @@ from copose.batch.validation import check_study
 from copose.errors import InputError
 from copose.poses import Indices
 from copose.progress import StoppedError, Tell, attained, sheltered, stage, watched
-from copose.results import write_file
 from copose.studies.columns import write_parquet
 from copose.studies.folder import StudyFolder
 from copose.studies.points.points import Point
@@ -99,39 +98,38 @@ def run_points(study: Study, folder: StudyFolder, options: RunOptions = RunOptio
     Raises:
         InputError: the record cannot be written, or what the options need is not installed.
     """
-    recipe = Recipe.of(study, options.point_limit)
-    with _kept_if_used(folder), StudyRecord(folder.record) as record:
+    recipe, there = Recipe.of(study, options.point_limit), folder.path.exists()
+    with StudyRecord(folder.record) as record, _removed_if_empty(folder, there=there):
         stage("reading the record")
         todo = _todo(study, folder.record, retry=options.retry)
         total = len(study.index)
         done = total - len(todo)
         points = points_of(study, map(int, todo))
-        folder.remember(study)
         try:
             with contextlib.closing(_lines(study, recipe, points, folder, options)) as lines:
-                for line in _told(lines, done, total):
+                for number, line in enumerate(_told(lines, done, total)):
+                    if number == 0:
+                        # Until now the folder may be another study's.
+                        folder.remember(study)
                     record.append(line)
                     done += 1
         except StoppedError:
             return RunOutcome(total, done, stopped=True)
+        folder.remember(study)
     return RunOutcome(total, done, stopped=False)
 
 
 @contextlib.contextmanager
-def _kept_if_used(folder: StudyFolder) -> Iterator[None]:
-    """A folder that is as it was where a run fails before it has recorded a line."""
-    there, about = folder.path.exists(), None
-    with contextlib.suppress(OSError):
-        about = folder.about.read_bytes()
+def _removed_if_empty(folder: StudyFolder, *, there: bool) -> Iterator[None]:
+    """A record of this process that is removed where a run fails before the first line of all, with
+    the folder, unless that was there.
+    """
     try:
         yield
     except InputError:
         with contextlib.suppress(OSError):
-            if about is not None:
-                write_file(folder.about, about)
-            elif folder.record.stat().st_size == 0:
+            if folder.record.stat().st_size == 0:
                 folder.record.unlink()
-                folder.about.unlink(missing_ok=True)
                 if not there:
                     folder.path.rmdir()
         raise

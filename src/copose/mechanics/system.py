@@ -232,7 +232,7 @@ class System:
         return cls(space, expressions, grasps, held, fall, parameters)
 
     def by_model(self, build: Callable[[ArmMechanics], Built]) -> tuple[Built, ...]:
-        """What is built of arms, once for those that move alike; by arm."""
+        """A thing built of each arm, once for those that move alike; by arm."""
         built: dict[bytes, Built] = {}
         models = [mechanics.arm.fingerprint for mechanics in self.arms]
         for model, mechanics in zip(models, self.arms, strict=True):

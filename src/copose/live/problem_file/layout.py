@@ -1,4 +1,4 @@
-"""What of a problem a page is built for: bodies and controls, whatever their places and numbers."""
+"""The layout of a page: its bodies and controls, whatever their places and numbers."""
 
 from __future__ import annotations
 

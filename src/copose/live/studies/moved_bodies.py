@@ -97,7 +97,7 @@ def _places_of(tables: Tables) -> dict[str, Any]:
 
 
 def _at(node: Any, path: Sequence[Any]) -> Any:
-    """What lies at the end of a path of keys; at the origin where nothing does."""
+    """The value at the end of a path of keys; the origin where there is none."""
     for step in path:
         if isinstance(node, Mapping):
             node = node.get(step, [0.0, 0.0, 0.0])

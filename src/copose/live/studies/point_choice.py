@@ -80,12 +80,12 @@ def document_at(table: StudyTable, point: int) -> Document:
 
 
 def _of_case(recorded: Mapping[str, Any] | None, case: str) -> Any:
-    """What is recorded of a case, or of a problem without cases."""
+    """The recorded part of a case, or of a problem without cases."""
     return recorded.get(case) if recorded is not None and case else recorded
 
 
 def _why(line: Mapping[str, Any]) -> str:
-    """Why a point has no joints, in words; the study's panel has its reason."""
+    """A line on why a point has no joints; the study's panel has its reason."""
     words = {"infeasible": "infeasible", "failed": "not solved"}
     if line["status"] == "solved":
         return "of a motion no joints are recorded: Plan in the tab Path finds it again"

@@ -15,7 +15,7 @@ from copose.report.numbers import six, three
 
 
 def counts(points: StudyPoints) -> str:
-    """How many points there are of each status, with the marks that they have."""
+    """Numbers of points by status, with the marks that they have."""
     count, look = Counter[str](points.table.statuses), CLOUD
     parts = [f"<b>{len(points.table)} points</b>, {count['solved']} solved"]
     for status, mark, color in (("infeasible", "●", look.infeasible), ("failed", "◆", look.failed)):

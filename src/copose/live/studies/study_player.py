@@ -55,7 +55,7 @@ class StudyPlayer:
 
     @property
     def places(self) -> Array:
-        """Where the points stand in the scene, m, (count, 3)."""
+        """Positions of the points in the scene, m, (count, 3)."""
         return np.zeros((0, 3)) if self._marks is None else self._marks.places
 
     def build(self, server: viser.ViserServer, worker: Worker) -> None:

@@ -42,7 +42,7 @@ class StudyPoints:
 
     @cached_property
     def statuses(self) -> np.ndarray:
-        """Of each point, (count,) of strings."""
+        """Status of each point, (count,) of strings."""
         return np.array(self.table.statuses)
 
     @cached_property
@@ -86,7 +86,7 @@ class StudyPoints:
         return done[np.lexsort((-values, kinds))]
 
     def seen(self, numbers: Indices, part: str) -> Mask:
-        """Which of some points belong to a part of all, see `PARTS`, (count,)."""
+        """Mask of the points that belong to a part of all, see `PARTS`, (count,)."""
         if part in ("all", "none"):
             return np.full(len(numbers), part == "all")
         least = len(self.ranking) if part == "solved" else -(-len(self.ranking) // 10)
@@ -134,7 +134,7 @@ class Marks:
         return None
 
     def here(self, point: int) -> list[int]:
-        """All points at the place of one, the best first."""
+        """The points at the place of one, the best first."""
         places = self.place[self.ranked == point]
         points: list[int] = (
             self.ranked[self.place == places[0]].tolist() if len(places) else [point]
