@@ -24,7 +24,7 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 import copose
-from copose.report import study_picture
+from copose.report.studies import study_picture
 from copose.studies import StudyFolder, StudyTable
 
 ROOT = Path(__file__).parents[1]

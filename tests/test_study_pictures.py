@@ -22,8 +22,8 @@ from rich.cells import cell_len
 from rich.console import Console
 
 from copose.errors import InputError
-from copose.report import draw_study, study_map, study_picture, study_table
 from copose.report.figures.files import saved
+from copose.report.studies import draw_study, study_map, study_picture, study_table
 from copose.report.studies.importance import first_order_share
 from copose.report.studies.key_axes import row_labels, unit_of
 from copose.report.studies.map_content import MapContent

@@ -21,6 +21,8 @@ def run() -> int:
         signal.signal(signal.SIGINT, lambda *_: interrupt.end())
     # All matrices are small: threads would wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Pydantic would look through every package installed for plug-ins.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
     try:
         _open_streams()
         if not sys.warnoptions:

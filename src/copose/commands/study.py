@@ -92,7 +92,7 @@ class StudyCommand(Command):
             )
             return ExitStatus.INTERRUPTED
         if not arguments.quiet:
-            from copose.report import study_table
+            from copose.report.studies import study_table
 
             print_rich(study_table(table, most=max(arguments.best, 3)))
             print_place(folder.path)
@@ -167,7 +167,7 @@ def _write(table: StudyTable, folder: StudyFolder, *, pictured: bool) -> None:
     with spared(folder.picture):
         folder.picture.unlink(missing_ok=True)
     if pictured:
-        from copose.report import study_picture
+        from copose.report.studies import study_picture
         from copose.results import write_file
 
         stage("drawing")

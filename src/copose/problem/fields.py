@@ -150,7 +150,7 @@ Inertia: TypeAlias = Annotated[
 class Spec(BaseModel):
     """The root of every table: frozen, no unknown keys, no silent conversion."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, defer_build=True)
 
 
 def as_tuples(node: Any) -> Any:

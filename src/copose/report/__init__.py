@@ -12,8 +12,6 @@ from copose.report.figures.files import (
     saved,
     starts_figure,
 )
-from copose.report.studies.files import draw_study, study_map, study_picture
-from copose.report.studies.table import study_table
 from copose.report.text.comparison import comparison_table
 from copose.report.text.motion import motion_table
 from copose.report.text.solution import solution_table
@@ -28,7 +26,6 @@ __all__ = [
     "draw",
     "draw_comparison",
     "draw_start",
-    "draw_study",
     "figure",
     "guesses",
     "motion_animation",
@@ -37,7 +34,4 @@ __all__ = [
     "saved",
     "solution_table",
     "starts_figure",
-    "study_map",
-    "study_picture",
-    "study_table",
 ]

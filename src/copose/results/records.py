@@ -28,7 +28,7 @@ def matrix(values: Array) -> Matrix:
 class Record(BaseModel):
     """The root of every part of a result: frozen, finite, no unknown keys."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
 
 class EllipsoidRecord(Record):

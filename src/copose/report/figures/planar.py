@@ -32,6 +32,12 @@ class PlanarLook:
     panel: float = 4.6  # width of a panel
     charts: float = 2.6  # height of the row of charts below the scenes
     tallest: float = 7.5  # scenes with their titles
+    left: float = 0.75  # numbers and words left of the scenes
+    right: float = 0.16  # margin right of them
+    under: float = 0.21  # their numbers and words below, beyond those of the legend
+    head: float = 0.6  # heading of the whole, and what is free below it
+    line: float = 0.19  # height of a line of a title
+    between: float = 0.05  # free between two scenes, of their width
 
 
 @dataclass(frozen=True)
@@ -42,7 +48,6 @@ class _PlanarLayout:
     tall: float  # height of the whole
     below: float  # height of the legend
     charts: float  # height of the row of charts between scenes and legend, 0 without
-    extra: int  # lines of titles beyond three
     scenes: float  # width of the scenes as a share of the whole; an exact set stands beside them
 
 
@@ -57,16 +62,15 @@ def planar_figure(panels: list[Panel], heading: str, look: PlanarLook = PlanarLo
     entries += [Entry.RANGES] * any(map(ranges, panels))
     columns, rows = legend_grid(entries, wide)
     titles = [_title(panel) for panel in panels]
-    extra = max(0, *(title.count("\n") - 2 for title in titles))
+    lines = 1 + max(title.count("\n") for title in titles)
     below = 0.3 + 0.27 * rows
     charts = look.charts if holding or len(sets) > 1 else 0.0
     width, height = high - low
-    tall = min(look.panel * height / width + 1.0 + 0.24 * extra, look.tallest) + below + charts
+    tall = look.panel * height / width + 1.0 + 0.24 * max(0, lines - 3)
+    tall = min(tall, look.tallest) + below + charts
     if sets:
         tall = max(tall, look.panel + 0.6 + below + charts)
-    layout = _PlanarLayout(
-        wide, tall, below, charts, extra, len(panels) / (len(panels) + bool(sets))
-    )
+    layout = _PlanarLayout(wide, tall, below, charts, len(panels) / (len(panels) + bool(sets)))
     figure = Figure(figsize=(wide, tall))
     axes = figure.subplots(1, len(panels), squeeze=False, sharex=True, sharey=True)[0]
     for k, ax in enumerate(axes):
@@ -83,10 +87,11 @@ def planar_figure(panels: list[Panel], heading: str, look: PlanarLook = PlanarLo
             scale_bar(ax, low, high, scale, unit)
     figure.suptitle(heading, fontweight="bold", x=0.02, y=1 - 0.1 / tall, ha="left", va="top")
     _draw_legend(figure, panels, columns, scaled=bool(stage.scales))
-    figure.tight_layout(
-        rect=(0, (below - 0.1 + charts) / tall, layout.scenes, 1 - (0.3 + 0.05 * extra) / tall)
-    )
-    # Parts with places of their own come after those that are laid out by their sizes.
+    figure.subplots_adjust(
+        left=look.left / wide, right=layout.scenes - look.right / wide, wspace=look.between,
+        bottom=(below + charts + look.under) / tall,
+        top=1 - (look.head + look.line * lines) / tall,
+    )  # fmt: skip
     _draw_charts(figure, layout, sets, holding, named=len(panels) > 1)
     return figure
 
