@@ -17,6 +17,7 @@ from copose.constraints.registry import constraints_of
 from copose.motion.graph.dynamic_programming import Lattice, Moves
 from copose.motion.graph.routes import RouteCost, RouteFinder
 from copose.posture.model import PostureModel
+from copose.posture.search import global_search
 from copose.robots.reach_bounds import ReachBound
 from copose.self_motion.misses.branch_and_bound import excluded
 from copose.self_motion.sampling import ArmSample, ArmSampler
@@ -80,14 +81,15 @@ def test_links_that_are_too_short_are_told_by_how_much() -> None:
 
 
 def test_what_random_postures_do_not_close_is_not_called_infeasible(monkeypatch) -> None:
-    def nothing(self: ArmSampler, rng: np.random.Generator, *effort: int) -> ArmSample:
-        q = self.draw(rng, 8)
-        return ArmSample(q[:0], np.zeros((0, 0), dtype=np.intp), 8, None, q)
+    def nothing(samplers: list[ArmSampler], rngs: list, *effort: int) -> list[ArmSample]:
+        drawn = [sampler.draw(rng, 8) for sampler, rng in zip(samplers, rngs, strict=True)]
+        none = np.zeros((0, 0), dtype=np.intp)
+        return [ArmSample(q[:0], none, 8, None, q) for q in drawn]
 
     cell = planar(1, 4)
     assert copose.solve(copose.parse(cell), effort="low").status == "solved"
     with monkeypatch.context() as patch:
-        patch.setattr(ArmSampler, "sample", nothing)
+        patch.setattr(global_search, "sample_together", nothing)
         unlucky = copose.solve(copose.parse(cell), effort="low")
         assert unlucky.status == "failed" and "'a1'" in unlucky.reason
         cell["object"]["position"] = [3.0, 0.1]

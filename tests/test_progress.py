@@ -28,11 +28,10 @@ from copose.motion.search.refinement import Refiner
 from copose.posture.local.multistart import LocalSearches
 from copose.posture.placement.search import PlacementSearch
 from copose.posture.run.run import Run
-from copose.posture.search import combinations
+from copose.posture.search import combinations, global_search
 from copose.posture.solvers.ipopt import Ipopt
 from copose.problem import parse
 from copose.progress import Progress, StoppedError, heed, hushed, sheltered, stage, watched
-from copose.self_motion.sampling import ArmSampler
 from path_problems import hinged
 from path_truth import faults
 
@@ -191,7 +190,7 @@ class TestLimits:
         assert found.after.collision.distance >= 0.01
 
     def test_nothing_yet_is_a_failure(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        stalled(monkeypatch, ArmSampler, "sample", after=1)
+        stalled(monkeypatch, global_search, "sample_together", after=0)
         found = copose.solve(parse(planar(2, 4)), time_limit=LIMIT)
         assert found.status == "failed" and found.after is None
         assert found.reason.startswith(f"stopped by the limit of {LIMIT} s while closing arm a2")
@@ -370,7 +369,7 @@ class TestInterrupts:
         assert copose.verify(parse(planar(2, 4)), copose.read_solution("cell/result.json")) == ()
 
     def test_with_nothing_found_nothing_is_written(self, here: Path) -> None:
-        end = struck("copose.self_motion.sampling.ArmSampler", "sample")
+        end = struck("copose.self_motion.sampling.ArmSampler", "draw")
         assert end == (130, "", "copose: interrupted\n") and not Path("cell").exists()
 
     def test_the_second_ends_the_process(self, here: Path) -> None:

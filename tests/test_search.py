@@ -94,11 +94,11 @@ def test_coverage_tells_self_motions_apart_as_exact_traces_do() -> None:
     """Of these eight self-motions some are near each other, and some are met rarely."""
     machinery, setting = machinery_of(tables("baxter-box"))
     cell, kernels, goal = machinery.cell, machinery.arms[0], setting.placement.goals[0]
-    loops = Loops(cell, kernels, 0, goal)
+    loops = Loops(cell, kernels, [0], goal[None])
     sampler = ArmSampler(cell, kernels, 0, goal)
-    q = loops.closed(sampler.draw(np.random.default_rng(3), 500))
+    q, arms = loops.closed(sampler.draw(np.random.default_rng(3), 500), np.zeros(500, dtype=int))
     q, _ = project(kernels, q, goal, *np.full((2, 7), [[-np.inf], [np.inf]]))
-    loops.add(q)
+    loops.add(q, arms)
     free = manifold_of(machinery, setting, [0])
     without = np.full((1, 7), np.inf)
     free = replace(free, lower=-without, upper=without, unlimited=np.ones((1, 7), dtype=bool))
@@ -108,7 +108,7 @@ def test_coverage_tells_self_motions_apart_as_exact_traces_do() -> None:
         assert curve.loop
         q = q[1:][[curve.place(posture) is None for posture in q[1:]]]
         curves += 1
-    assert loops.count == curves == 8
+    assert loops.count() == curves == 8
 
 
 @pytest.mark.parametrize("seed", range(11))

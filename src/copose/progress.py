@@ -89,7 +89,10 @@ class Watch:
 
     def heed(self) -> None:
         """See `heed`."""
-        if self._sheltered or not self.over:
+        # Asked between any two units of work: without the detour by `over`.
+        if self._sheltered or not (
+            self._whole._interrupted or time.perf_counter() >= self._deadline
+        ):
             return
         if self._ended_in is None:
             self._ended_in = self._now.stage

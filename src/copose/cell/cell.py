@@ -146,18 +146,23 @@ class Cell:
 
         Of several positions within the limits it is the one in (−π, π], else that nearest to it.
         """
-        lower, upper = (np.broadcast_to(x[i], np.shape(q)) for x in (self.lower, self.upper))
+        lower, upper = self.lower[i], self.upper[i]
         q = self.nearest_turn(i, q)
         turn = 2 * np.pi
         for sign, limit, other in ((1.0, lower, upper), (-1.0, upper, lower)):
             beyond = sign * (limit - q)
             out = (beyond > 0) & self._revolute[i]
             if out.any():
-                back = q[out] + sign * turn * np.ceil(beyond[out] / turn)
+                back = q + sign * turn * np.ceil(np.where(out, beyond, 0.0) / turn)
                 # Where no turn helps, the end of the range that is nearer.
-                helps = np.maximum(sign * (back - other[out]), 0.0) <= beyond[out]
-                q[out] = np.where(helps, back, q[out])
+                helps = out & (np.maximum(sign * (back - other), 0.0) <= beyond)
+                q = np.where(helps, back, q)
         return q
+
+    def all_folded(self, q: Array) -> Array:
+        """Stacked positions of all arms, (..., N), each arm's `folded`."""
+        parts = enumerate(self.system.split(q))
+        return np.concatenate([self.folded(i, part) for i, part in parts], axis=-1)
 
     def beyond(self, i: int, q: Array) -> Array:
         """The distance of the worst joint of arm i beyond its limits, rad or m, at q, (count, n).
@@ -250,7 +255,9 @@ class Cell:
         """
         if len(many) == 0:
             return np.zeros(0)
-        apart = _within_half_a_turn(many - q, self._all_revolute)
+        turn, apart = 2 * np.pi, many - q
+        # Which of two turns that are as near makes no difference here: rint is fast, mod slow.
+        apart -= np.where(self._all_revolute, turn * np.rint(apart / turn), 0.0)
         return np.asarray(np.abs(apart).max(axis=1))
 
     def embedded(self, i: int, q: Array) -> Array:

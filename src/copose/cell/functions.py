@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate, pairwise
 
 import casadi as ca
-import numpy as np
 
 from copose.capability import Ellipsoid
 from copose.cell.cell import Cell
@@ -19,14 +19,18 @@ class PostureFunctions:
     def __init__(self, q: ca.SX, parameters: ca.SX, parts: Sequence[ca.SX]) -> None:
         """Build the function of them all."""
         self._shapes = [part.shape for part in parts]
-        self._edges = np.cumsum([part.numel() for part in parts])[:-1]
+        edges = accumulate((part.numel() for part in parts), initial=0)
+        self._places = [slice(*ends) for ends in pairwise(edges)]
         together = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
         self._kernel = Kernel(q, parameters, together)
 
     def __call__(self, q: Array, parameters: Array) -> list[Array]:
         """Each at a posture."""
-        values = np.split(self._kernel(q[None], parameters)[0], self._edges)
-        return [x.reshape(shape, order="F") for x, shape in zip(values, self._shapes, strict=True)]
+        values, parts = (
+            self._kernel(q[None], parameters)[0],
+            zip(self._places, self._shapes, strict=True),
+        )
+        return [values[place].reshape(shape, order="F") for place, shape in parts]
 
 
 def ellipsoid_of(factor: Array, center: Array | None = None) -> Ellipsoid | None:

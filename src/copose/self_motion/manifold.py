@@ -46,10 +46,8 @@ class ClosureManifold:
 
     def wrapped(self, offset: Array) -> Array:
         """Differences of postures, (k, n), without the whole turns of unlimited joints."""
-        if not self.unlimited.any():
-            return offset
-        turns = np.round(offset / (2 * np.pi))
-        return np.where(self.unlimited, offset - 2 * np.pi * turns, offset)
+        turn = 2 * np.pi
+        return offset - np.where(self.unlimited, turn * np.rint(offset / turn), 0.0)
 
     def excess(self, q: Array, known: Array) -> Array:
         """Distance of each joint beyond its limits, (k, n), negative within them.
@@ -63,8 +61,11 @@ class ClosureManifold:
 
     def embedded(self, q: Array) -> Array:
         """Postures, (k, n), as points, (k, 2n), that turns of unlimited joints do not move."""
-        turning = self.unlimited
-        return np.hstack([np.where(turning, np.cos(q), q), np.where(turning, np.sin(q), 0.0)])
+        n, turning = q.shape[1], self.unlimited
+        places = np.zeros((len(q), 2 * n))
+        places[:, :n] = np.where(turning, np.cos(q), q)
+        np.sin(q, out=places[:, n:], where=turning)
+        return places
 
     def step(
         self, q: Array, tangent: Array, length: Array, bend: Array, tolerance: float

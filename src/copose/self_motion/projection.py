@@ -45,7 +45,7 @@ def project(
     ends = kernels.closing(rows, goal)
     gaps = ends[:, n]
     for _ in range(1, -(-steps // kernels.steps)):
-        active = np.flatnonzero(gaps > closed)
+        active = (gaps > closed).nonzero()[0]
         if len(active) == 0:
             break
         rows[active, :n] = ends[active, :n]

@@ -8,12 +8,14 @@ limits leave of them is kept. With more to spare the manifold is sampled at rand
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from copose.cell.cell import Cell
-from copose.poses import Array, Indices
+from copose.poses import Array, Indices, Mask
 from copose.robots import finite_range
 from copose.robots.reach_bounds import out_of_reach
 from copose.self_motion.curves.loops import Loops
@@ -70,78 +72,14 @@ class ArmSampler:
             most: postures that are kept, at most.
             insistence: postures drawn before the arm is said to miss its grasp, at most.
         """
-        if self.proved:
-            return self._proved(rng, insistence)
-        loops = Loops(self.cell, self.kernels, self.i, self.goal)
-        simple = self.kernels.n - self.kernels.m <= 1
-        first = points = missed = np.zeros((0, self.kernels.n))
-        tried = closed = 0
-        for number in range(batches):
-            tried += batch
-            q = loops.closed(self.draw(rng, batch))
-            closed += len(q)
-            if number == self.options.hopeless and not closed and insistence:
-                q, missed, drawn = self._insist(rng, insistence)
-                tried += drawn
-                if not len(q):
-                    break
-            if simple:
-                unfinished = loops.add(q)
-            else:
-                points = np.vstack([points, self._kept(q)])
-                unfinished = len(points) < most
-            if len(first) == 0:
-                inside = q[self.cell.beyond(self.i, q) <= 0]
-                first = self._kept(inside[: self.options.seed_postures], 0.0)[:1]
-            if not unfinished:
-                break
-        if simple:
-            points = self._kept(loops.points, 2 * loops.options.spacing)
-        start = self.cell.arms[self.i].start
-        if start is not None:
-            points = np.vstack([self._kept(start[None]), points])
-        if len(first):
-            points = points[(np.abs(points - first) > self.options.same).any(axis=1)]
-        points = np.vstack([first, thinned(points, most)])
-        if len(points) == 0 and insistence and not len(missed):
-            points, missed, drawn = self._insist(rng, insistence)
-            tried += drawn
-        return ArmSample(
-            closed=points,
-            neighbours=neighbours(self.cell, self.kernels, self.i, points),
-            tried=tried,
-            branches=loops.count if simple else None,
-            missed=missed,
-        )
+        return sample_together([self], [rng], batch, batches, most, insistence)[0]
 
     def draw(self, rng: np.random.Generator, count: int) -> Array:
         """Random postures within limits, closed or not, (count, n)."""
         low, high = finite_range(self.cell.lower[self.i], self.cell.upper[self.i])
         return rng.uniform(low, high, (count, len(low)))
 
-    def _kept(self, q: Array, near: float = np.inf) -> Array:
-        """Closed postures within limits, (k, n), some of them projected onto a limit.
-
-        Args:
-            q: postures without regard to limits, (count, n).
-            near: distance beyond a limit up to which a posture is projected, rad (or m).
-        """
-        lower, upper = self.cell.lower[self.i], self.cell.upper[self.i]
-        q = self.cell.folded(self.i, q)
-        beyond = np.maximum(np.maximum(lower - q, q - upper), 0.0).max(axis=1)
-        ends, gaps = project(
-            self.kernels, q[beyond <= near], self.goal, lower, upper, steps=20, closed=1e-10
-        )
-        # Points beyond a limit often end in the same corner.
-        moved = beyond[beyond <= near] > 0
-        closed = gaps < CLOSED
-        rows = np.flatnonzero(closed & moved)
-        places = self.cell.embedded(self.i, ends[rows]).round(6)
-        once = np.unique(places, axis=0, return_index=True)[1]
-        closed[np.delete(rows, once)] = False
-        return np.asarray(ends[closed])
-
-    @property
+    @cached_property
     def proved(self) -> bool:
         """True if a bound proves that no posture holds the object."""
         cell, i = self.cell, self.i
@@ -149,8 +87,8 @@ class ArmSampler:
             cell.arms[i], cell.lower[i], cell.upper[i], self.goal, rigid=cell.system.space.rigid
         )
 
-    def _proved(self, rng: np.random.Generator, insistence: int) -> ArmSample:
-        """No postures, and the nearest misses where they are asked for."""
+    def nothing(self, rng: np.random.Generator, insistence: int) -> ArmSample:
+        """No postures, where that is proved, and the nearest misses where they are asked for."""
         nothing = np.zeros((0, self.kernels.n))
         return ArmSample(
             closed=nothing,
@@ -172,7 +110,7 @@ class ArmSampler:
         order = np.argsort(gaps, kind="stable")
         return q[order], gaps[order]
 
-    def _insist(self, rng: np.random.Generator, count: int) -> tuple[Array, Array, int]:
+    def insist(self, rng: np.random.Generator, count: int) -> tuple[Array, Array, int]:
         """The search for postures that close within limits after all.
 
         It ends early once the nearest miss has been met again and again.
@@ -198,6 +136,166 @@ class ArmSampler:
             if (left < CLOSED).any():
                 return q[left < CLOSED], ends[:0], len(drawn)
         return ends[:0], ends[np.argsort(gaps, kind="stable")], len(drawn)
+
+
+@dataclass(eq=False)
+class _Growing:
+    """The sample of one arm as it grows."""
+
+    sampler: ArmSampler
+    rng: np.random.Generator  # draws postures
+    first: Array  # the posture that the seed gives, once there is one, (1, n)
+    points: Array  # postures so far, where they are not those of loops, (count, n)
+    missed: Array  # see `ArmSample`; ``tried`` alike
+    tried: int = 0
+    closed: int = 0  # postures so far that were closed, within limits or not
+
+    @classmethod
+    def of(cls, sampler: ArmSampler, rng: np.random.Generator) -> _Growing:
+        """Nothing yet."""
+        nothing = np.zeros((0, sampler.kernels.n))
+        return cls(sampler, rng, nothing, nothing, nothing)
+
+    def drawn(self, count: int) -> Array:
+        """Random postures, (count, n)."""
+        self.tried += count
+        return self.sampler.draw(self.rng, count)
+
+    def closing(self, q: Array, number: int, insistence: int) -> Array | None:
+        """Closed postures of a batch, (count, n); None where the arm seems to miss its grasp."""
+        self.closed += len(q)
+        if number != self.sampler.options.hopeless or self.closed or not insistence:
+            return q
+        q, self.missed, drawn = self.sampler.insist(self.rng, insistence)
+        self.tried += drawn
+        return q if len(q) else None
+
+    def inside(self, q: Array) -> Array:
+        """Closed postures, of (count, n), of which the first may be the seed's."""
+        if len(self.first):
+            return q[:0]
+        cell, i, options = self.sampler.cell, self.sampler.i, self.sampler.options
+        return np.asarray(q[cell.beyond(i, q) <= 0][: options.seed_postures])
+
+    def sample(self, points: Array, branches: int | None, most: int, insistence: int) -> ArmSample:
+        """The sample, of points within limits, (count, n)."""
+        sampler, first = self.sampler, self.first
+        start = sampler.cell.arms[sampler.i].start
+        if start is not None:
+            points = np.vstack([*kept([sampler], [start[None]]), points])
+        if len(first):
+            points = points[(np.abs(points - first) > sampler.options.same).any(axis=1)]
+        points = np.vstack([first, thinned(points, most)])
+        if len(points) == 0 and insistence and not len(self.missed):
+            points, self.missed, drawn = sampler.insist(self.rng, insistence)
+            self.tried += drawn
+        near = neighbours(sampler.cell, sampler.kernels, sampler.i, points)
+        return ArmSample(points, near, self.tried, branches, self.missed)
+
+
+def sample_together(
+    samplers: Sequence[ArmSampler],
+    rngs: Sequence[np.random.Generator],
+    batch: int,
+    batches: int,
+    most: int,
+    insistence: int,
+) -> list[ArmSample]:
+    """Samples of arms of one model, side by side, see `ArmSampler.sample`."""
+    kernels, possible = samplers[0].kernels, [k for k, s in enumerate(samplers) if not s.proved]
+    samples = {
+        k: samplers[k].nothing(rngs[k], insistence)
+        for k in range(len(samplers))
+        if samplers[k].proved
+    }
+    growing = [_Growing.of(samplers[k], rngs[k]) for k in possible]
+    arms = [each.sampler for each in growing]
+    goals = np.array([sampler.goal for sampler in arms]).reshape(len(arms), -1)
+    if growing:
+        loops = Loops(samplers[0].cell, kernels, [sampler.i for sampler in arms], goals)
+        simple = kernels.n - kernels.m <= 1
+        _grow(growing, loops, batch, batches, most, insistence)
+        points = [each.points for each in growing]
+        if simple:
+            every = [loops.points[loops.arms == k] for k in range(len(growing))]
+            points = kept(arms, every, 2 * loops.options.spacing)
+        for k, each in enumerate(growing):
+            branches = loops.count(k) if simple else None
+            samples[possible[k]] = each.sample(points[k], branches, most, insistence)
+    return [samples[k] for k in range(len(samplers))]
+
+
+def _grow(
+    growing: Sequence[_Growing], loops: Loops, batch: int, batches: int, most: int, insistence: int
+) -> None:
+    """Draw batches of postures for each arm until they seem to have met all its self-motions."""
+    going = list(range(len(growing)))
+    for number in range(batches):
+        drawn = np.vstack([growing[k].drawn(batch) for k in going])
+        q, arms = loops.closed(drawn, np.repeat(going, batch))
+        parts = {k: growing[k].closing(q[arms == k], number, insistence) for k in going}
+        closed = {k: part for k, part in parts.items() if part is not None}
+        going = list(closed)
+        if not going:
+            break
+        if growing[0].sampler.kernels.n - growing[0].sampler.kernels.m <= 1:
+            counts = [len(part) for part in closed.values()]
+            more = loops.add(np.vstack(list(closed.values())), np.repeat(going, counts))
+        else:
+            more = np.ones(len(growing), dtype=bool)
+            for k, part in closed.items():
+                own = growing[k]
+                own.points = np.vstack([own.points, *kept([own.sampler], [part])])
+                more[k] = len(own.points) < most
+        inside = [growing[k].inside(part) for k, part in closed.items()]
+        first = kept([growing[k].sampler for k in going], inside, 0.0)
+        for k, part in zip(going, first, strict=True):
+            growing[k].first = np.vstack([growing[k].first, part])[:1]
+        going = [k for k in going if more[k]]
+        if not going:
+            break
+
+
+def kept(
+    samplers: Sequence[ArmSampler], postures: Sequence[Array], near: float = np.inf
+) -> list[Array]:
+    """Closed postures within limits, by arm (k, n), some of them projected onto a limit.
+
+    Args:
+        samplers: of arms of one model.
+        postures: by arm, without regard to limits, (count, n).
+        near: distance beyond a limit up to which a posture is projected, rad (or m).
+    """
+    cell, rows, moved = samplers[0].cell, list[Array](), list[Mask]()
+    for sampler, q in zip(samplers, postures, strict=True):
+        lower, upper = cell.lower[sampler.i], cell.upper[sampler.i]
+        q = cell.folded(sampler.i, q)
+        beyond = np.maximum(np.maximum(lower - q, q - upper), 0.0).max(axis=1)
+        rows.append(q[beyond <= near])
+        moved.append(beyond[beyond <= near] > 0)
+    counts = [len(q) for q in rows]
+    goals, lower, upper = (
+        np.repeat(values, counts, axis=0)
+        for values in zip(
+            *((sampler.goal, cell.lower[sampler.i], cell.upper[sampler.i]) for sampler in samplers),
+            strict=True,
+        )
+    )
+    # What limits stop for good would take all steps that there are; what closes takes few.
+    ends, gaps = project(
+        samplers[0].kernels, np.vstack(rows), goals, lower, upper, steps=9, closed=1e-10
+    )
+    within, edges = list[Array](), np.cumsum(counts)[:-1]
+    for sampler, q, closed, beside in zip(
+        samplers, np.split(ends, edges), np.split(gaps < CLOSED, edges), moved, strict=True
+    ):
+        # Points beyond a limit often end in the same corner.
+        at_limit = np.flatnonzero(closed & beside)
+        places = cell.embedded(sampler.i, q[at_limit]).round(6)
+        once = np.unique(places, axis=0, return_index=True)[1]
+        closed[np.delete(at_limit, once)] = False
+        within.append(q[closed])
+    return within
 
 
 def neighbours(

@@ -123,12 +123,14 @@ def _seeds(model: PostureModel, setting: Setting, i: int, q: Array, seed: int) -
     """The posture of arm i, and one on each self-motion that may be somewhere within limits."""
     effort, goal = EFFORTS["normal"], setting.placement.goals[i]
     sampler = ArmSampler(setting.cell, model.arms[i], i, goal)
-    loops = Loops(setting.cell, model.arms[i], i, goal)
+    loops = Loops(setting.cell, model.arms[i], [i], goal[None])
     rng = np.random.default_rng([seed, i])
     for _ in range(effort.batches):
-        if not loops.add(loops.closed(sampler.draw(rng, effort.batch))):
+        drawn = sampler.draw(rng, effort.batch)
+        if not loops.add(*loops.closed(drawn, np.zeros(len(drawn), dtype=np.intp)))[0]:
             break
-    return np.vstack([q[None], loops.closed(loops.innermost(loops.options.spacing))])
+    inner = loops.innermost(loops.options.spacing)
+    return np.vstack([q[None], loops.closed(inner, np.zeros(len(inner), dtype=np.intp))[0]])
 
 
 def _sorted(setting: Setting, i: int, q: Array, seeds: Array, curves: Sequence[Curve]) -> Branches:

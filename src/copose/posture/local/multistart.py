@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from copose.cell.cell import Cell
-from copose.poses import Array, Indices, Mask
+from copose.poses import Array, Mask
 from copose.posture.local.nlp_cuts import NlpCuts
 from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum
@@ -257,23 +257,21 @@ def differing(
         known: postures, (known, N), that are not chosen again.
     """
 
-    def near(posture: Array, free: Mask) -> Indices:
-        left = np.flatnonzero(free)
-        return left[~(cell.distances(q[left], posture) > least)]
+    def near(posture: Array) -> Mask:
+        return ~(cell.distances(q, posture) > least)
 
     free = np.ones(len(q), dtype=bool)
     for posture in () if known is None else known:
-        free[near(posture, free)] = False
-    return far_apart_rows(free, lambda row, left: near(q[row], left), most)
+        free[near(posture)] = False
+    return far_apart_rows(free, lambda row, _: near(q[row]), most)
 
 
 def gathered(cell: Cell, ends: Sequence[LocalOptimum], same: SameOptimum) -> list[LocalOptimum]:
     """Distinct optima, best first, with how many ended in each."""
     optima: list[LocalOptimum] = []
-    for end in sorted(ends, key=lambda optimum: -optimum.objective):
-        q = np.concatenate(
-            [cell.folded(i, part) for i, part in enumerate(cell.system.split(end.q))]
-        )
+    ends = sorted(ends, key=lambda optimum: -optimum.objective)
+    folded = cell.all_folded(np.array([end.q for end in ends])) if ends else ()
+    for end, q in zip(ends, folded, strict=True):
         # Best first: those of the same objective stand last.
         for j in range(len(optima) - 1, -1, -1):
             known = optima[j]

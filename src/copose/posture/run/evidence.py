@@ -59,16 +59,26 @@ def search_record(
         bound=outcome.bound,
         gap=gap,
         starts=outcome.starts,
-        local_optima=tuple(_optimum(cell, each) for each in outcome.optima),
+        local_optima=_optima(cell, outcome.optima),
         failures=failure_records(outcome.failures),
         verification=verification,
     )
 
 
-def _optimum(cell: Cell, optimum: LocalOptimum) -> Optimum:
-    parts = enumerate(zip(cell.arms, cell.system.split(optimum.q), strict=True))
-    joints = {arm.name: vector(cell.folded(i, q)) for i, (arm, q) in parts}
-    return Optimum(objective=optimum.objective, count=optimum.count, joints=joints)
+def _optima(cell: Cell, optima: Sequence[LocalOptimum]) -> tuple[Optimum, ...]:
+    """The records of local optima."""
+    if not optima:
+        return ()
+    parts = cell.system.split(cell.all_folded(np.array([optimum.q for optimum in optima])))
+    names = [arm.name for arm in cell.arms]
+    return tuple(
+        Optimum(
+            objective=optimum.objective,
+            count=optimum.count,
+            joints=dict(zip(names, map(vector, joints), strict=True)),
+        )
+        for optimum, joints in zip(optima, zip(*parts, strict=True), strict=True)
+    )
 
 
 def failure_records(failures: Sequence[LocalSolve]) -> tuple[FailureRecord, ...]:

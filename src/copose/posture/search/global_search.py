@@ -17,7 +17,8 @@ from copose.posture.search.effort import Effort
 from copose.posture.search.outcome import SearchOutcome
 from copose.posture.setting import Setting
 from copose.progress import StoppedError, over, sheltered, stage
-from copose.self_motion.sampling import ArmSample, ArmSampler, held_sample
+from copose.self_motion.kernels import ArmKernels
+from copose.self_motion.sampling import ArmSample, ArmSampler, held_sample, sample_together
 
 
 def search(model: PostureModel, setting: Setting, seed: int, effort: Effort) -> SearchOutcome:
@@ -55,17 +56,19 @@ def _sampled(
         not len(held[i].closed) if i in held else sampler.proved
         for i, sampler in enumerate(samplers)
     )
-    samples = []
+    batches = 1 if missed else effort.batches
+    samples, models = dict(held), dict[ArmKernels, list[int]]()
     for i, sampler in enumerate(samplers):
-        stage(f"closing arm {cell.arms[i].name}", i, len(samplers))
-        if i in held:
-            samples.append(held[i])
-            continue
-        most = effort.loops if sampler.kernels.n - sampler.kernels.m <= 1 else effort.surfaces
-        batches = 1 if missed else effort.batches
-        rng = np.random.default_rng([seed, i])
-        samples.append(sampler.sample(rng, effort.batch, batches, most, effort.insistence))
-    return tuple(samples)
+        if i not in held:
+            models.setdefault(sampler.kernels, []).append(i)
+    for kernels, arms in models.items():
+        for i in arms:
+            stage(f"closing arm {cell.arms[i].name}", i, len(samplers))
+        most = effort.loops if kernels.n - kernels.m <= 1 else effort.surfaces
+        own, rngs = [samplers[i] for i in arms], [np.random.default_rng([seed, i]) for i in arms]
+        drawn = sample_together(own, rngs, effort.batch, batches, most, effort.insistence)
+        samples |= zip(arms, drawn, strict=True)
+    return tuple(samples[i] for i in range(len(samplers)))
 
 
 def _among_bodies(

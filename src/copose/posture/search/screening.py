@@ -80,8 +80,8 @@ def screen(
     best = np.isfinite(table)
     for axis, near in enumerate(neighbours):
         along = np.moveaxis(table, axis, 0)
-        for column in near.T:
-            best &= np.moveaxis(~(along < along[column]), 0, axis)
+        if near.shape[1]:
+            best &= np.moveaxis(along >= along[near].max(axis=1), 0, axis)
     chosen = np.argwhere(best)
     return _ranked(chosen, table[best], table.size)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -45,16 +46,24 @@ class JointRange:
             np.where(self.revolute, np.inf, self.upper),
         )
 
+    @cached_property
+    def middle(self) -> Array:
+        """Middle of the limits, 0 where there are none, (n,)."""
+        low, high = (np.where(self._limited, x, 0.0) for x in (self.lower, self.upper))
+        return np.asarray((low + high) / 2)
+
+    @cached_property
+    def half(self) -> Array:
+        """Half the distance of the limits, infinite where there are none, (n,)."""
+        return np.where(self._limited, self.upper - self.lower, np.inf) / 2
+
     def excess(self, q: Array) -> Array:
         """Distance of each joint beyond its limits, negative within, at postures: (count, n)."""
-        half = np.where(self._limited, self.upper - self.lower, np.inf) / 2
-        return np.asarray(np.abs(self.offset(q)) - half)
+        return np.asarray(np.abs(self.offset(q)) - self.half)
 
     def offset(self, q: Array) -> Array:
         """Joints of postures from the middle of their limits, by less than a turn, (count, n)."""
-        turn = 2 * np.pi
-        low, high = (np.where(self._limited, x, 0.0) for x in (self.lower, self.upper))
-        offset = q - (low + high) / 2
+        turn, offset = 2 * np.pi, q - self.middle
         return np.where(self.revolute, offset - turn * np.round(offset / turn), offset)
 
     @property

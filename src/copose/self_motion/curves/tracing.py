@@ -37,7 +37,8 @@ def follow(
         targets: postures, (k, n), at which the trace ends; ends of curves are then not refined.
         options: step lengths and tolerances.
     """
-    fronts = Fronts(manifold, q, options or TracingOptions(), apart=True, targets=targets)
+    each = np.arange(len(q))
+    fronts = Fronts(manifold, q, options or TracingOptions(), groups=each, targets=targets)
     while fronts.advance():
         pass
     ends = fronts.ends() if targets is None else {}
@@ -66,9 +67,9 @@ class Fronts:
         q: Array,
         options: TracingOptions,
         *,
-        apart: bool,
+        groups: Indices,
         targets: Array | None = None,
-        longest: Callable[[Array], Array] | None = None,
+        longest: Callable[[Array, Indices], Array] | None = None,
     ) -> None:
         """Fronts at closed postures.
 
@@ -76,13 +77,15 @@ class Fronts:
             manifold: of the postures' arms.
             q: the postures, (k, n).
             options: step lengths and tolerances.
-            apart: whether each seed has a curve of its own: only its two fronts meet then.
+            groups: number of the group of each seed, (k,): only fronts of one group meet.
             targets: postures that end the traces of seeds, (k, n).
-            longest: lengths of steps at postures, (count,), at most; else that of the options.
+            longest: lengths of steps, (count,), at postures of seeds by number, at most; else that
+                of the options.
         """
         k, n = q.shape
-        self.options, self._apart, self._targets, self._longest = options, apart, targets, longest
+        self.options, self._targets, self._longest = options, targets, longest
         self.seeds = np.tile(np.arange(k), 2)
+        self._groups = groups[self.seeds]
         self.manifold, self.meetings = manifold.taken(self.seeds), list[tuple[int, int]]()
         _, J = manifold.kernels.residual(q, manifold.goals)
         tangent = null_vectors(J)
@@ -93,7 +96,7 @@ class Fronts:
         self.q, self._tangent = q[self.seeds], np.vstack([tangent, -tangent])
         self._places = self.manifold.embedded(self.q)
         self._det, self._bend = np.concatenate([det, -det]), np.zeros((2 * k, n))
-        self._length = options.first * self._most(self.q)
+        self._length = options.first * self._most(self.q, self.seeds)
         self.going, self.stops = sound[self.seeds], np.full(2 * k, -1)
         self.loops, self.met = np.zeros(k, dtype=bool), np.zeros(k, dtype=bool)
         self.trail = [(np.arange(k), q, tangent, self._length[:k])]
@@ -112,7 +115,7 @@ class Fronts:
             step, det, shorter = self._tried(manifold, rows, length)
         on = shorter == length
         self._shorten(rows[~on], shorter[~on])
-        aimed = np.flatnonzero(on & (partners != rows))
+        aimed = (on & (partners != rows)).nonzero()[0]
         if len(aimed):
             missed = np.abs(manifold.taken(aimed).wrapped(step.q[aimed] - aims[aimed])).max(axis=1)
             met = aimed[missed < self.options.same]
@@ -148,24 +151,23 @@ class Fronts:
         one, other, ahead = self._facing()
         going = self.going.copy()
         going[other] = False
-        for k in np.flatnonzero(ahead <= reach[one]):
+        for k in (ahead <= reach[one]).nonzero()[0]:
             a, b = one[k], other[k]
             if ahead[k] <= reach[a]:
                 length[a], reach[a], aims[a], partners[a] = ahead[k], ahead[k], self.q[b], b
-        rows = np.flatnonzero(going)
+        rows = going.nonzero()[0]
         return rows, length[rows], aims[rows], partners[rows]
 
     def _facing(self) -> tuple[Indices, Indices, Array]:
         """Pairs of fronts that face each other, nearer than their next steps go together, (k,)
         each, and distances along the steps of the first at which they pass the partners.
         """
-        rows = np.flatnonzero(self.going)
+        rows = self.going.nonzero()[0]
         t, length, square = self._tangent, self._length, (self._places**2).sum(axis=1)
         apart = square[rows, None] + square - 2 * self._places[rows] @ self._places.T
         near = apart < (length[rows, None] + length) ** 2
         near &= t[rows] @ t.T < 0
-        if self._apart:
-            near &= self.seeds[rows, None] == self.seeds
+        near &= self._groups[rows, None] == self._groups
         one, other = np.nonzero(near)
         one = rows[one]
         # Of two that go on each sees the other.
@@ -201,7 +203,7 @@ class Fronts:
         arcs = (off**2).sum(axis=1) < self.options.arc**2
         arcs &= (distance <= nearest[one]) & (distance <= nearest[other])
         self._meet(one[arcs], other[arcs])
-        far = np.flatnonzero(arcs & (distance > self._length[one]))
+        far = (arcs & (distance > self._length[one])).nonzero()[0]
         if len(far):
             half = distance[far] / 2
             middle = self.q[one[far]] + offset[far] / 2
@@ -268,21 +270,22 @@ class Fronts:
         falling = np.maximum(1.0 - det / self._det[rows], 1e-9)
         room = options.room * length * (1.0 - falling) / falling
         self._det[rows] = det
-        self._shorten(rows, np.minimum(np.minimum(longer, self._most(step.q)), room))
+        longest = self._most(step.q, self.seeds[rows])
+        self._shorten(rows, np.minimum(np.minimum(longer, longest), room))
 
     def _shorten(self, rows: Indices, length: Array) -> None:
         """Set lengths of next steps; fronts for which they are too short end."""
         self._length[rows] = length
         self.going[rows[length < self.options.shortest]] = False
 
-    def _most(self, q: Array) -> Array:
-        """The longest steps at postures, (count,)."""
+    def _most(self, q: Array, seeds: Indices) -> Array:
+        """The longest steps at postures of seeds, (count,)."""
         longest = self.options.longest
-        return np.full(len(q), longest) if self._longest is None else self._longest(q)
+        return np.full(len(q), longest) if self._longest is None else self._longest(q, seeds)
 
     def ends(self) -> dict[int, tuple[Array, Array]]:
         """Posture, (n,), and tangent at the limit that stops each front, by its number."""
-        rows = np.flatnonzero(self.stops >= 0)
+        rows = (self.stops >= 0).nonzero()[0]
         manifold, q, t = self.manifold.taken(rows), self.q[rows], self._tangent[rows]
         low, high, ends = np.zeros(len(rows)), self._length[rows], (q.copy(), t.copy())
         for _ in range(self.options.halvings):
@@ -292,12 +295,12 @@ class Fronts:
             low, high = np.where(within, middle, low), np.where(within, high, middle)
             for end, reached in zip(ends, (step.q, step.tangent), strict=True):
                 end[within] = reached[within]
-        return {int(rows[k]): (ends[0][k], ends[1][k]) for k in np.flatnonzero(low > CLOSED)}
+        return {int(rows[k]): (ends[0][k], ends[1][k]) for k in (low > CLOSED).nonzero()[0]}
 
 
 def _curve(fronts: Fronts, seed: int, ends: dict[int, tuple[Array, Array]]) -> Curve:
     """The traced curve of a seed, from the end of one of its fronts to that of the other."""
-    both = np.flatnonzero(fronts.seeds == seed)
+    both = (fronts.seeds == seed).nonzero()[0]
     halves = []
     for row in both:
         parts = [(q[rows == row], t[rows == row]) for rows, q, t, _ in fronts.trail]
