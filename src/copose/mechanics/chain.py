@@ -18,7 +18,8 @@ def constant(values: Array) -> ca.SX:
 
 def multiply_quaternions(a: ca.SX, b: ca.SX) -> ca.SX:
     """Hamilton product a ⊗ b of quaternions [w, x, y, z]."""
-    product: ca.SX = ca.vertcat(*quaternion_product(a, b))
+    # An entry is found anew wherever it is asked for.
+    product: ca.SX = ca.vertcat(*quaternion_product(ca.vertsplit(a), ca.vertsplit(b)))
     return product
 
 

@@ -28,7 +28,7 @@ def object_parameters(pose: Pose, mass: float, inertia: ArrayLike) -> Array:
     matrix = np.asarray(inertia, dtype=float)
     if matrix.ndim == 0:
         matrix = np.eye(3) * matrix
-    upper = matrix[np.triu_indices(3)]
+    upper = matrix[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
     return np.concatenate([pose.position, pose.quaternion, [mass], upper])
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from copose.capability import ClosedChainVelocity, ExternalForce
 from copose.cell.cell import Cell
 from copose.objectives.acceleration import Acceleration
-from copose.objectives.all_round import AllRound
 from copose.objectives.eigenvalues import Isotropy, WorstDirection
 from copose.objectives.ellipsoid import TaskCompatibility, Volume
 from copose.objectives.objective import Objective
@@ -68,6 +67,8 @@ def _payload(cell: Cell, spec: Any) -> Objective:
 
 
 def _all_round(cell: Cell, spec: Any) -> Objective:
+    from copose.objectives.all_round import AllRound
+
     problem = cell.problem
     unit = plain_unit(problem, problem.axes)
     return AllRound(unit, cell.torque_limits or (), problem.axes, problem.space)

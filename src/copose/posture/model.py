@@ -157,7 +157,6 @@ class PostureModel:
         holding = None if self.capacity is None else self.capacity.holding(cell)
         numbers = objective.parameters(holding)
         weight = np.zeros(len(cell.system.space.balance)) if holding is None else holding.weight
-        turns = [cell.turns(i) for i in range(len(cell.arms))]
         given = np.concatenate([placement.inertia, weight, numbers])
         return Setting(
             cell=cell,
@@ -170,14 +169,19 @@ class PostureModel:
             objective=objective,
             placement=placement,
             given=given,
-            lower=tuple(
-                np.where(t, -np.inf, low) for t, low in zip(turns, cell.lower, strict=True)
-            ),
-            upper=tuple(
-                np.where(t, np.inf, high) for t, high in zip(turns, cell.upper, strict=True)
-            ),
+            lower=self._limits[0],
+            upper=self._limits[1],
             ties=tuple(terms.ties(cell) for terms in self._ruling_out),
         )
+
+    @cached_property
+    def _limits(self) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+        """Lower and upper joint limits by arm, none of joints that can turn all the way, (n_i,)."""
+        cell = self.cell
+        turns = [cell.turns(i) for i in range(len(cell.arms))]
+        lower = (np.where(t, -np.inf, low) for t, low in zip(turns, cell.lower, strict=True))
+        upper = (np.where(t, np.inf, high) for t, high in zip(turns, cell.upper, strict=True))
+        return tuple(lower), tuple(upper)
 
     def _sums(self, ties: Sequence[Array], q: Sequence[Array]) -> Array:
         """Sums of the arms' terms, (count, s), of postures by arm, (count, n_i)."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,12 +27,8 @@ from copose.posture.arguments import (
     warm_placement,
 )
 from copose.posture.evaluation import stated
-from copose.posture.landscape.branches import held_postures
-from copose.posture.landscape.curve_values import self_motions
-from copose.posture.landscape.objective_map import Landscape, landscape
 from copose.posture.local.local_end import LocalEnd, local_solve
 from copose.posture.model import PostureModel
-from copose.posture.placement.run import PlacedRun
 from copose.posture.reachable.components import manifold_of
 from copose.posture.run.run import Run
 from copose.posture.search.effort import Effort, EffortName
@@ -40,9 +37,12 @@ from copose.posture.solution import unfound
 from copose.problem import Problem, same_structure
 from copose.progress import StoppedError, Tell, sheltered, stage, watched
 from copose.results import Solution, Timing
-from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
-from copose.self_motion.misses.gaps import Followed, Gap, nearest_gaps
-from copose.self_motion.null_space import NullMotion, null_basis, null_motion
+
+if TYPE_CHECKING:
+    from copose.posture.landscape.objective_map import Landscape
+    from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
+    from copose.self_motion.misses.gaps import Followed, Gap
+    from copose.self_motion.null_space import NullMotion
 
 
 class Planner:
@@ -170,7 +170,11 @@ class Planner:
         """The answer of a run from a warm posture, if there is one, or of a search."""
         cell = run.cell
         free = len(Freedom.of(cell.problem)) > 0 or bool(cell.problem.cases)
-        placed = PlacedRun(run) if free else None
+        placed = None
+        if free:
+            from copose.posture.placement.run import PlacedRun
+
+            placed = PlacedRun(run)
         if warm is not None:
             if verify:
                 raise InputError(
@@ -231,6 +235,8 @@ class Planner:
         Raises:
             InputError: the joints do not fit the arms.
         """
+        from copose.self_motion.misses.gaps import Followed, nearest_gaps
+
         began = time.perf_counter()
         self._model.compiled()
         setting = self._setting(None, problem)
@@ -330,6 +336,8 @@ class Planner:
         Raises:
             InputError: it has another number, or an arm does not hold the object.
         """
+        from copose.posture.landscape.curve_values import self_motions
+
         setting, q = self._posture_of(joints, problem)
         which, before = [arm_called(self._model.cell, arm)], () if known is None else (known,)
         seed = self.problem.search.seed
@@ -359,6 +367,8 @@ class Planner:
         Raises:
             InputError: as for `self_motion`; or both are one.
         """
+        from copose.posture.landscape.objective_map import landscape
+
         setting, q = self._posture_of(joints, problem)
         arms = arm_called(self._model.cell, first), arm_called(self._model.cell, second)
         if arms[0] == arms[1]:
@@ -392,6 +402,9 @@ class Planner:
         Raises:
             InputError: there is no such direction, or an arm does not hold the object.
         """
+        from copose.posture.landscape.branches import held_postures
+        from copose.self_motion.null_space import null_basis, null_motion
+
         setting, q = self._posture_of(joints, problem)
         i = arm_called(self._model.cell, arm)
         spare, shape = setting.cell.spare(i), (setting.cell.spare(i), setting.cell.arms[i].n)

@@ -202,27 +202,31 @@ def sample_together(
     insistence: int,
 ) -> list[ArmSample]:
     """Samples of arms of one model, side by side, see `ArmSampler.sample`."""
-    kernels, possible = samplers[0].kernels, [k for k, s in enumerate(samplers) if not s.proved]
-    samples = {
-        k: samplers[k].nothing(rngs[k], insistence)
-        for k in range(len(samplers))
-        if samplers[k].proved
-    }
-    growing = [_Growing.of(samplers[k], rngs[k]) for k in possible]
+    proved = [sampler.proved for sampler in samplers]
+    every = zip(samplers, rngs, proved, strict=True)
+    growing = [_Growing.of(sampler, rng) for sampler, rng, none in every if not none]
+    grown = iter(_grown(growing, batch, batches, most, insistence) if growing else ())
+    return [
+        sampler.nothing(rng, insistence) if none else next(grown)
+        for sampler, rng, none in zip(samplers, rngs, proved, strict=True)
+    ]
+
+
+def _grown(
+    growing: Sequence[_Growing], batch: int, batches: int, most: int, insistence: int
+) -> list[ArmSample]:
+    """Samples of arms that no bound keeps from their grasps."""
     arms = [each.sampler for each in growing]
-    goals = np.array([sampler.goal for sampler in arms]).reshape(len(arms), -1)
-    if growing:
-        loops = Loops(samplers[0].cell, kernels, [sampler.i for sampler in arms], goals)
-        simple = kernels.n - kernels.m <= 1
-        _grow(growing, loops, batch, batches, most, insistence)
-        points = [each.points for each in growing]
-        if simple:
-            every = [loops.points[loops.arms == k] for k in range(len(growing))]
-            points = kept(arms, every, 2 * loops.options.spacing)
-        for k, each in enumerate(growing):
-            branches = loops.count(k) if simple else None
-            samples[possible[k]] = each.sample(points[k], branches, most, insistence)
-    return [samples[k] for k in range(len(samplers))]
+    kernels, goals = arms[0].kernels, np.array([sampler.goal for sampler in arms])
+    loops = Loops(arms[0].cell, kernels, [sampler.i for sampler in arms], goals)
+    _grow(growing, loops, batch, batches, most, insistence)
+    if kernels.n - kernels.m > 1:
+        return [each.sample(each.points, None, most, insistence) for each in growing]
+    every = [loops.points[loops.arms == k] for k in range(len(growing))]
+    points = kept(arms, every, 2 * loops.options.spacing)
+    return [
+        each.sample(points[k], loops.count(k), most, insistence) for k, each in enumerate(growing)
+    ]
 
 
 def _grow(

@@ -58,9 +58,9 @@ def local_solve(model: PostureModel, setting: Setting, joints: Sequence[Array]) 
         if not value >= kept:
             # A step of IPOPT may leave for a worse optimum.
             end, value, error, converged = start[0], kept, np.inf, False
-    parts = zip(cell.arms, cell.system.split(end), strict=True)
+    parts = zip(cell.arms, cell.system.split(cell.all_folded(end)), strict=True)
     return LocalEnd(
-        joints={arm.name: cell.folded(i, part) for i, (arm, part) in enumerate(parts)},
+        joints={arm.name: part for arm, part in parts},
         objective=float(value),
         optimality=float(error),
         converged=bool(converged and max(gaps) <= CLOSED),

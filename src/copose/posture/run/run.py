@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from copose.measurement.meter import Measurement
 from copose.poses import Array
 from copose.posture.model import PostureModel
 from copose.posture.reachable.reachability import Reached, reachable
-from copose.posture.reachable.search import ReachableSet
 from copose.posture.run.acceptance import Acceptance
 from copose.posture.run.evidence import (
     blocked_reason,
@@ -32,7 +32,9 @@ from copose.posture.setting import Setting
 from copose.posture.solution import MeasuredCases, Status, solution_of
 from copose.progress import StoppedError, heed, sheltered, stage
 from copose.results import Solution, Timing, VerificationRecord
-from copose.self_motion.misses.nearest_miss import misses
+
+if TYPE_CHECKING:
+    from copose.posture.reachable.search import ReachableSet
 
 
 @dataclass
@@ -170,6 +172,8 @@ class Run:
         """Outcome of a search among all postures, or those that can be reached from the start."""
         if not self.cell.problem.search.reachable:
             return search(self.model, self.setting, self.seed, effort)
+        from copose.posture.reachable.search import ReachableSet
+
         starts = [self.acceptance.start(i)[0] for i in range(len(self.cell.arms))]
         within = ReachableSet.of(self.model, self.setting, starts, self.seed, effort)
         if not isinstance(within, ReachableSet):
@@ -184,6 +188,8 @@ class Run:
             reason, sure = within.stuck
             before, notes = self._before(so_far)
             return self._none(outcome, effort, reason, sure, before=before, notes=notes)
+        from copose.self_motion.misses.nearest_miss import misses
+
         joints, reason, sure = misses(
             self.setting.cell, self.model.arms, self.setting.placement.goals, outcome.samples
         )
@@ -253,6 +259,8 @@ class Run:
         before = self.model.measure(self.setting, q)
         within = None
         if self.cell.problem.search.reachable:
+            from copose.posture.reachable.search import ReachableSet
+
             around = ReachableSet.of(self.model, self.setting, q, self.seed, EFFORTS["low"])
             if not isinstance(around, ReachableSet) or around.too_near is not None:
                 return None

@@ -230,14 +230,12 @@ class Loops:
 
 def _joined(count: int, pairs: Iterable[tuple[int, int]]) -> Indices:
     """The number of the set that each of some numbers is in, pairs being in one, (count,)."""
-    parents = list(range(count))
-
-    def first(k: int) -> int:
-        while parents[k] != k:
-            parents[k] = k = parents[parents[k]]
-        return k
-
-    for one, other in pairs:
-        low, high = sorted((first(one), first(other)))
-        parents[high] = low
-    return np.unique([first(k) for k in range(count)], return_inverse=True)[1]
+    sets = np.arange(count)
+    one, other = np.array([*pairs], dtype=np.intp).reshape(-1, 2).T
+    while (sets[one] != sets[other]).any():
+        least = np.minimum(sets[one], sets[other])
+        # Whole sets join, not the numbers alone.
+        np.minimum.at(sets, sets[one], least)
+        np.minimum.at(sets, sets[other], least)
+        sets = sets[sets]
+    return np.unique(sets, return_inverse=True)[1]

@@ -85,7 +85,6 @@ class Fronts:
         k, n = q.shape
         self.options, self._targets, self._longest = options, targets, longest
         self.seeds = np.tile(np.arange(k), 2)
-        self._groups = groups[self.seeds]
         self.manifold, self.meetings = manifold.taken(self.seeds), list[tuple[int, int]]()
         _, J = manifold.kernels.residual(q, manifold.goals)
         tangent = null_vectors(J)
@@ -94,7 +93,8 @@ class Fronts:
             np.abs(det) > options.singular * np.sqrt((J**2).sum(axis=(1, 2))) ** manifold.kernels.m
         )
         self.q, self._tangent = q[self.seeds], np.vstack([tangent, -tangent])
-        self._places = self.manifold.embedded(self.q)
+        # Those of two groups are farther apart than steps go.
+        self._places = np.hstack([self.manifold.embedded(self.q), 10.0 * groups[self.seeds, None]])
         self._det, self._bend = np.concatenate([det, -det]), np.zeros((2 * k, n))
         self._length = options.first * self._most(self.q, self.seeds)
         self.going, self.stops = sound[self.seeds], np.full(2 * k, -1)
@@ -163,16 +163,18 @@ class Fronts:
         each, and distances along the steps of the first at which they pass the partners.
         """
         rows = self.going.nonzero()[0]
-        t, length, square = self._tangent, self._length, (self._places**2).sum(axis=1)
-        apart = square[rows, None] + square - 2 * self._places[rows] @ self._places.T
-        near = apart < (length[rows, None] + length) ** 2
-        near &= t[rows] @ t.T < 0
-        near &= self._groups[rows, None] == self._groups
-        one, other = np.nonzero(near)
-        one = rows[one]
+        t, length, places, own = self._tangent, self._length, self._places, self._places[rows]
+        square = (places**2).sum(axis=1)
+        apart = square - 2 * own @ places.T
+        apart += square[rows, None]
+        row, other = (apart < (length[rows].max() + length.max()) ** 2).nonzero()
+        one = rows[row]
+        near = apart[row, other] < (length[one] + length[other]) ** 2
         # Of two that go on each sees the other.
-        once = (one < other) | ~self.going[other]
-        one, other = one[once], other[once]
+        near &= (one < other) | ~self.going[other]
+        one, other = one[near], other[near]
+        facing = (t[one] * t[other]).sum(axis=1) < 0
+        one, other = one[facing], other[facing]
         if not len(one):
             return one, other, np.zeros(0)
         offset, along, ahead = self._ahead(one, self.q[other])
@@ -264,7 +266,7 @@ class Fronts:
         self.trail.append((rows, step.q, step.tangent, length))
         self._bend[rows] = (step.tangent - self._tangent[rows]) / length[:, None]
         self.q[rows], self._tangent[rows] = step.q, step.tangent
-        self._places[rows] = manifold.embedded(step.q)
+        self._places[rows, :-1] = manifold.embedded(step.q)
         longer = np.where(step.cosine > options.very_straight, options.growth * planned, planned)
         # Where curves meet det vanishes: what would pass such a place has to come up to it.
         falling = np.maximum(1.0 - det / self._det[rows], 1e-9)
