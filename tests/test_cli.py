@@ -368,6 +368,27 @@ def test_public_names_exist() -> None:
         copose.nothing  # noqa: B018
 
 
+def test_a_solution_waits_for_nothing_that_it_does_not_need(here: Path) -> None:
+    """Neither for drawings and studies, nor for what moves the object, maps self-motions, walks
+    them, or measures misses.
+    """
+    write(here, planar())
+    rooms = ("studies", "motion", "posture.landscape", "posture.placement.search",
+             "posture.reachable.search", "self_motion.misses", "objectives.all_round")  # fmt: skip
+    names = ["matplotlib", "scipy", "pinocchio", *(f"copose.{room}" for room in rooms)]
+    code = (
+        "import sys; from copose.commands.command_line import main\n"
+        "import copose.commands.posture as posture\n"
+        "posture.write_answer = lambda *given: None\n"
+        "main(['solve', 'p.toml'])\n"
+        f"print([m for m in {names} if m in sys.modules])"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert answer.stdout.splitlines()[-1] == "[]"
+
+
 def test_planar_problems_do_not_wait_for_pinocchio(here: Path) -> None:
     write(here, planar())
     code = (

@@ -664,6 +664,27 @@ class TestPictures:
             for ax in figure.axes:
                 assert not heading.overlaps(ax._left_title.get_window_extent())
 
+    @pytest.mark.parametrize("free", [False, True])
+    def test_planar_scenes_have_room_for_their_words(self, free: bool) -> None:
+        """Numbers and words of scenes are in the picture, and reach neither the legend, nor each
+        other's frames.
+        """
+        solution = fully(flat()) if free else evaluate(parse(tables("paper-fig2")))
+        with rc_context(LOOK.settings):
+            figure = planar_figure(panels(solution), "heading")
+            figure.draw_without_rendering()
+        width, height = figure.bbox.size
+        legend = figure.legends[0].get_window_extent()
+        scenes = [ax for ax in figure.axes if ax.get_xlabel()]
+        assert scenes
+        for ax in scenes:
+            boxes = [ax.xaxis.get_tightbbox(), ax.yaxis.get_tightbbox()]
+            for box in filter(None, boxes if ax is scenes[0] else boxes[:1]):
+                assert box.x0 >= 0 and box.x1 <= width and box.y0 >= 0 and box.y1 <= height
+                assert not box.overlaps(legend)
+                others = [other for other in scenes if other is not ax]
+                assert not any(box.overlaps(other.get_window_extent()) for other in others)
+
     def drawn(self, solution: Solution) -> tuple[Figure, list[object]]:
         figure = cases_figure(case_rows(solution), result_heading(solution))
         return figure, figure.axes

@@ -21,7 +21,7 @@ from copose.results import to_json
 from copose.self_motion.curves.loops import Loops
 from copose.self_motion.curves.tracing import follow
 from copose.self_motion.projection import CLOSED, project
-from copose.self_motion.sampling import ArmSampler
+from copose.self_motion.sampling import ArmSampler, sample_together
 from reference import Problem as Truth
 
 
@@ -109,6 +109,25 @@ def test_coverage_tells_self_motions_apart_as_exact_traces_do() -> None:
         q = q[1:][[curve.place(posture) is None for posture in q[1:]]]
         curves += 1
     assert loops.count() == curves == 8
+
+
+def test_arms_are_sampled_side_by_side_as_each_by_itself() -> None:
+    machinery, setting = machinery_of(two_pandas())
+    assert machinery.arms[0] is machinery.arms[1]
+    samplers = [
+        ArmSampler(machinery.cell, kernels, i, setting.placement.goals[i])
+        for i, kernels in enumerate(machinery.arms)
+    ]
+    options = 96, 8, 1000, 4096
+    draws = [[np.random.default_rng([7, i]) for i in range(2)] for _ in range(2)]
+    together = sample_together(samplers, draws[0], *options)
+    for sampler, rng, both in zip(samplers, draws[1], together, strict=True):
+        alone = sampler.sample(rng, *options)
+        assert (both.tried, both.branches) == (alone.tried, alone.branches)
+        assert len(both.closed) == pytest.approx(len(alone.closed), rel=0.1)
+        assert both.closed[0] == pytest.approx(alone.closed[0], abs=1e-9)
+        apart = nearest(machinery.cell, sampler.i, alone.closed, both.closed)
+        assert apart.max() < 0.35
 
 
 @pytest.mark.parametrize("seed", range(11))

@@ -245,9 +245,9 @@ class Polisher:
             left = np.abs(tangent.left)
             rest = np.where(tangent.held, 0.0, left).reshape(count, -1)
             largest = np.maximum(largest, rest.max(axis=1))
-            total = total + left.reshape(count, -1).sum(axis=1) - rest.sum(axis=1)
             forces = np.abs(tangent.forces).reshape(count, -1)
-            total += forces.sum(axis=1)
+            total = total + forces.sum(axis=1)
+            total += (left.reshape(count, -1) - rest).sum(axis=1)
             entries += rest.shape[1] + forces.shape[1]
         return np.asarray(largest / np.maximum(1.0, total / entries / self.options.scale))
 
@@ -256,6 +256,8 @@ class Polisher:
     ) -> tuple[list[Tangent], list[Array]]:
         """A direction that pushes no joint through its limit, and the tangent spaces it is of."""
         direction = self._direction(point, tangents)
+        if not any(held.any() for held in point.held):
+            return tangents, direction
         for _ in range(max(group.kernels.n for group in self.groups)):
             pushed = [
                 ((q >= group.upper) & (step > 0) | (q <= group.lower) & (step < 0)).reshape(
@@ -405,8 +407,9 @@ def _each(values: Array, count: int) -> Array:
 def _ascent(H: Array, gradient: Array, flattest: float) -> Array:
     """Newton's step for a maximum, with the Hessian's eigenvalues made negative, (count, D)."""
     H = (H + H.transpose(0, 2, 1)) / 2
-    sound = np.asarray(np.isfinite(H).all(axis=(1, 2)))
-    H[~sound] = -np.eye(H.shape[1])
+    sound = np.isfinite(H).all(axis=(1, 2))
+    if not sound.all():
+        H[~sound] = -np.eye(H.shape[1])
     values, vectors = np.linalg.eigh(H)
     size = np.abs(values)
     size = np.maximum(size, flattest * np.maximum(size.max(axis=1, keepdims=True), 1.0))
