@@ -108,16 +108,23 @@ class Fronts:
         if not self._left or not self.going.any():
             return False
         self._left -= 1
-        rows, length, aims, partners = self._next()
+        rows, length, partners = self._next()
+        if not len(rows):
+            return False
         manifold, q = self.manifold.taken(rows), self.q[rows]
         # Where curves meet there is no tangent: a step that comes to nothing is no step.
         with np.errstate(all="ignore"):
             step, det, shorter = self._tried(manifold, rows, length)
         on = shorter == length
-        self._shorten(rows[~on], shorter[~on])
+        if not on.all():
+            self._shorten(rows[~on], shorter[~on])
         aimed = (on & (partners != rows)).nonzero()[0]
         if len(aimed):
-            missed = np.abs(manifold.taken(aimed).wrapped(step.q[aimed] - aims[aimed])).max(axis=1)
+            aims = self.q[partners[aimed]]
+            if self._targets is not None:
+                target = partners[aimed] < 0
+                aims[target] = self._targets[self.seeds[rows[aimed[target]]]]
+            missed = np.abs(manifold.taken(aimed).wrapped(step.q[aimed] - aims)).max(axis=1)
             met = aimed[missed < self.options.same]
             on[met] = False
             self._meet(rows[met], partners[met])
@@ -132,14 +139,14 @@ class Fronts:
             self._move(manifold.taken(on), rows[on], step.taken(on), length[on], det[on])
         return True
 
-    def _next(self) -> tuple[Indices, Array, Array, Indices]:
-        """The next steps: fronts that need not wait, lengths, and the postures that end steps which
-        would pass them, with the fronts that are there, −1 for a target, themselves for none.
+    def _next(self) -> tuple[Indices, Array, Indices]:
+        """The next steps: fronts that need not wait, lengths, and the fronts that end steps which
+        would pass them, −1 for a target, themselves for none.
 
         Of two fronts that may pass each other in their next steps only one goes on.
         """
         count, length, reach = len(self.q), self._length.copy(), self._length + self.options.same
-        aims, partners = self.q.copy(), np.arange(count)
+        partners = np.arange(count)
         if self._targets is not None:
             targets = self._targets[self.seeds]
             ahead = self._ahead(partners, targets)[2]
@@ -147,16 +154,16 @@ class Fronts:
             within = (self.manifold.excess(targets, self.q) <= self.options.same).all(axis=1)
             near = within & (ahead <= reach)
             length[near] = reach[near] = ahead[near]
-            aims[near], partners[near] = targets[near], -1
+            partners[near] = -1
         one, other, ahead = self._facing()
         going = self.going.copy()
         going[other] = False
         for k in (ahead <= reach[one]).nonzero()[0]:
             a, b = one[k], other[k]
             if ahead[k] <= reach[a]:
-                length[a], reach[a], aims[a], partners[a] = ahead[k], ahead[k], self.q[b], b
+                length[a], reach[a], partners[a] = ahead[k], ahead[k], b
         rows = going.nonzero()[0]
-        return rows, length[rows], aims[rows], partners[rows]
+        return rows, length[rows], partners[rows]
 
     def _facing(self) -> tuple[Indices, Indices, Array]:
         """Pairs of fronts that face each other, nearer than their next steps go together, (k,)
@@ -240,9 +247,12 @@ class Fronts:
         """
         options, q, t = self.options, self.q[rows], self._tangent[rows]
         step = manifold.step(q, t, length, self._bend[rows], options.closed)
-        det = step.orientation if options.oriented else self._det[rows]
+        before = self._det[rows]
+        det, good = before, step.closed & (step.cosine > options.straight)
+        if options.oriented:
+            det = step.orientation
+            good &= det * before > 0
         aside = step.q - q - length[:, None] * t
-        good = step.closed & (step.cosine > options.straight) & (det * self._det[rows] > 0)
         good &= (aside**2).sum(axis=1) < (options.aside * length + options.touching) ** 2
         if self._limited:
             length = np.where(good, _turning(manifold, q, t, step.tangent, length, options), length)
@@ -268,12 +278,13 @@ class Fronts:
         self.q[rows], self._tangent[rows] = step.q, step.tangent
         self._places[rows, :-1] = manifold.embedded(step.q)
         longer = np.where(step.cosine > options.very_straight, options.growth * planned, planned)
-        # Where curves meet det vanishes: what would pass such a place has to come up to it.
-        falling = np.maximum(1.0 - det / self._det[rows], 1e-9)
-        room = options.room * length * (1.0 - falling) / falling
-        self._det[rows] = det
-        longest = self._most(step.q, self.seeds[rows])
-        self._shorten(rows, np.minimum(np.minimum(longer, longest), room))
+        longer = np.minimum(longer, self._most(step.q, self.seeds[rows]))
+        if options.oriented:
+            # Where curves meet det vanishes: what would pass such a place has to come up to it.
+            falling = np.maximum(1.0 - det / self._det[rows], 1e-9)
+            longer = np.minimum(longer, options.room * length * (1.0 - falling) / falling)
+            self._det[rows] = det
+        self._shorten(rows, longer)
 
     def _shorten(self, rows: Indices, length: Array) -> None:
         """Set lengths of next steps; fronts for which they are too short end."""
