@@ -41,7 +41,7 @@ from copose.results import Solution, Timing
 if TYPE_CHECKING:
     from copose.posture.landscape.objective_map import Landscape
     from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
-    from copose.self_motion.misses.gaps import Followed, Gap
+    from copose.self_motion.misses.gaps import Followed
     from copose.self_motion.null_space import NullMotion
 
 
@@ -169,9 +169,8 @@ class Planner:
     ) -> Solution:
         """The answer of a run from a warm posture, if there is one, or of a search."""
         cell = run.cell
-        free = len(Freedom.of(cell.problem)) > 0 or bool(cell.problem.cases)
         placed = None
-        if free:
+        if len(Freedom.of(cell.problem)) > 0 or cell.problem.cases:
             from copose.posture.placement.run import PlacedRun
 
             placed = PlacedRun(run)
@@ -243,11 +242,10 @@ class Planner:
         q = setting.cell.given(joints)
         run = Run(self._model, setting, setting.cell.problem.search.seed, self.build_s, began)
         solution = run.follow(q)
-        gaps: dict[str, Gap] = {}
-        if solution is None:
-            goals, kernels = setting.placement.goals, self._model.arms
-            gaps = nearest_gaps(setting.cell, kernels, goals, setting.lower, setting.upper, q)
-        return Followed(solution, gaps)
+        if solution is not None:
+            return Followed(solution, {})
+        goals, lower, upper = setting.placement.goals, setting.lower, setting.upper
+        return Followed(None, nearest_gaps(setting.cell, self._model.arms, goals, lower, upper, q))
 
     @one_at_a_time
     def evaluate(
@@ -415,9 +413,8 @@ class Planner:
         before = None if basis is None else np.asarray(basis, dtype=float)
         if before is not None and before.shape != shape:
             raise InputError(f"an array of shape {shape} is needed", key="basis")
-        return null_motion(
-            manifold, posture, direction, amount, null_basis(manifold, posture, before)
-        )
+        spanned = null_basis(manifold, posture, before)
+        return null_motion(manifold, posture, direction, amount, spanned)
 
     def _posture_of(
         self, joints: Mapping[str, ArrayLike], problem: Problem | None
