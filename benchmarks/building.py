@@ -58,6 +58,10 @@ for _side in ("left", "right"):
         "tip": f"arm_{_side}_7_link",
         "locked": _TORSO,
     }
+    _SIDES[f"baxter-{_side}"] = {
+        "urdf": f"{_EXAMPLES}baxter_description/urdf/baxter.urdf",
+        "tip": f"{_side}_gripper",
+    }
 ROBOTS |= _SIDES
 
 _TRIES = 300
