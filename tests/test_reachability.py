@@ -657,6 +657,9 @@ def test_optima_that_cannot_be_reached_are_dropped(pair: dict) -> None:
     found = SearchOutcome((), optima=(LocalOptimum(far, 1.0, 1), LocalOptimum(near, 0.5, 2)))
     (kept,) = within.confirmed(found).optima
     assert kept.count == 2 and np.allclose(kept.q, near, atol=1e-9)
+    # A sample that is better, or is all that can be reached, is no climb's end.
+    (sample,) = within.confirmed(SearchOutcome((), best=near)).optima
+    assert sample.count == 0
     half = np.concatenate([near[:7], far[7:]])
     assert not within.confirmed(SearchOutcome((), optima=(LocalOptimum(half, 1.0, 1),))).optima
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from copose.problem import OBJECTIVE_TABLES
-from copose.report.numbers import three
-from copose.results import CasePosture, Motion, Posture, Solution
+from copose.report.numbers import percent, six, three
+from copose.results import CasePosture, Motion, Posture, SearchRecord, Solution
 
 Answer: TypeAlias = Solution | Motion
 
@@ -130,6 +130,23 @@ def stage_titles(solution: Solution) -> tuple[str, ...]:
 def largest_share(shares: dict[str, tuple[float, ...]]) -> float:
     """The largest share of a torque limit, over all joints of all arms."""
     return max(max(joints) for joints in shares.values())
+
+
+def evidence_words(solution: Answer) -> str:
+    """The chance of ends that a search never met, and the bound that it has; empty where neither
+    is known.
+    """
+    words, search = list[str](), solution.search
+    end = "motion" if isinstance(solution, Motion) else "optimum"
+    unseen = None if search is None or search.basins is None else search.basins.unseen
+    if unseen == 1:
+        words.append(f"each {end} was met once: that does not tell how many more there are")
+    elif unseen is not None:
+        chance = f"a chance of about {percent(unseen)} % (Good-Turing)"
+        words.append(f"one more start finds another {end} with {chance}")
+    if isinstance(search, SearchRecord) and search.bound is not None:
+        words.append(f"no combination of the samples is worth more than {six(search.bound)}")
+    return "; ".join(words)
 
 
 def short(name: str, most: int = 20) -> str:

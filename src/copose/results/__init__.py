@@ -2,6 +2,7 @@
 
 from copose.results.arrays import stacked
 from copose.results.evidence import (
+    BasinRecord,
     FailureRecord,
     Optimum,
     PlacementRecord,
@@ -49,6 +50,7 @@ from copose.results.solution import (
 __all__ = [
     "AccelerationRecord",
     "ArmRecord",
+    "BasinRecord",
     "CasePosture",
     "CollisionRecord",
     "CompanionRecord",

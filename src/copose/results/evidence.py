@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 from copose.results.records import Finite, Record, Vector
 
 
@@ -54,6 +57,54 @@ class VerificationRecord(Record):
     stands: bool
 
 
+class BasinRecord(Record):
+    """The basins of attraction that climbs ended in: how often, and what may have been missed.
+
+    The Good-Turing estimate of the probability that the next draw is of a species not seen is the
+    number of species seen exactly once over that of draws (I. J. Good, 1953). Here the species are
+    basins and the draws the climbs that converged: it estimates the share of further starts, chosen
+    as these were, that would lead to a basin not met. Those of a better optimum are among them, so
+    it estimates that share from above; it is no bound, and tells nothing of starts that a search
+    would never choose.
+
+    Attributes:
+        converged: climbs that ended in a local optimum.
+        best: of them, that ended in one worth as much as the answer.
+        unseen: the Good-Turing estimate; null where none converged.
+    """
+
+    converged: int
+    best: int
+    unseen: Finite | None
+
+    @classmethod
+    def of(
+        cls,
+        optima: Sequence[Optimum],
+        answer: float | None,
+        counts: Sequence[int] | None = None,
+        tolerance: float = 1e-6,
+    ) -> BasinRecord:
+        """The record of distinct optima.
+
+        Args:
+            optima: those that count as answers.
+            answer: objective of the answer; None where there is none.
+            counts: climbs that ended in each optimum, those too that are no answer; left out, those
+                of ``optima``.
+            tolerance: relative to 1 + its magnitude, by which an optimum may be worth less than the
+                answer and count as it.
+        """
+        counts = [optimum.count for optimum in optima] if counts is None else counts
+        converged, once = sum(counts), sum(count == 1 for count in counts)
+        least = math.inf if answer is None else answer - tolerance * (1 + abs(answer))
+        return cls(
+            converged=converged,
+            best=sum(optimum.count for optimum in optima if optimum.objective >= least),
+            unseen=once / converged if converged else None,
+        )
+
+
 class PlacementRecord(Record):
     """Placements that were tried: values of the free coordinates.
 
@@ -83,6 +134,8 @@ class SearchRecord(Record):
         gap: what polishing added to that.
         starts: combinations that were polished.
         local_optima: where they ended, best first.
+        basins: how often the best was met, and what may have been missed; of all optima, those too
+            that bodies or reach rule out. Null where the search had to end before it told.
         failures: polishes that ended nowhere.
         verification: of the answer, where it was asked for.
         placements: where more than joints is free; the other counts are then sums over them.
@@ -97,6 +150,7 @@ class SearchRecord(Record):
     gap: Finite | None
     starts: int
     local_optima: tuple[Optimum, ...]
+    basins: BasinRecord | None = None
     failures: tuple[FailureRecord, ...] = ()
     verification: VerificationRecord | None = None
     placements: PlacementRecord | None = None

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 from copose.display import Displayed
 from copose.poses import Array
 from copose.results import arrays
+from copose.results.evidence import BasinRecord
 from copose.results.posture import Posture
 from copose.results.records import Finite, Record, Vector
 from copose.results.solution import (
@@ -73,6 +74,7 @@ class PathSearchRecord(Record):
         nodes: postures in it, by arm.
         combinations: of the arms' postures that were evaluated.
         routes: that were optimised, best first.
+        basins: of the routes' motions, those of the graph before they are checked between knots.
     """
 
     seed: int
@@ -80,6 +82,7 @@ class PathSearchRecord(Record):
     nodes: dict[str, int]
     combinations: int
     routes: tuple[RouteRecord, ...]
+    basins: BasinRecord | None = None
 
 
 class Motion(Displayed, Record):

@@ -9,7 +9,14 @@ from dataclasses import dataclass
 from copose.report.axes import semi_axis_units
 from copose.report.look import LOOK, arm_colors
 from copose.report.numbers import round_scale
-from copose.report.words import gain_words, has_before, objective_name, short, value_words
+from copose.report.words import (
+    evidence_words,
+    gain_words,
+    has_before,
+    objective_name,
+    short,
+    value_words,
+)
 from copose.results import Motion, Posture, Solution
 from copose.viewer.nodes.ellipsoids import Slices
 
@@ -44,9 +51,8 @@ def caption_html(
     moves = isinstance(result, Motion)
     title = html.escape(short(result.problem.name, 60))
     lines = [f'<div style="font-weight:600;font-size:15px">{title}</div>']
-    words = _value(result, shown)
-    if words:
-        lines.append(f"<div>{html.escape(words)}</div>")
+    words = filter(None, [_value(result, shown), evidence_words(result)])
+    lines += [f"<div>{html.escape(line)}</div>" for line in words]
     lines += [look.entry(color, f"arm {name}") for name, color in arm_colors(shown[0]).items()]
     units = dict(zip(("linear", "angular"), semi_axis_units(result), strict=True))
     for kind, scale in slices.scales.items():

@@ -30,7 +30,7 @@ from copose.posture.run.acceptance import Acceptance
 from copose.posture.search.clear_samples import alone_clear
 from copose.problem import PathSpec
 from copose.progress import StoppedError, attained, sheltered, stage
-from copose.results import Motion, PathSearchRecord, RouteRecord
+from copose.results import BasinRecord, Motion, Optimum, PathSearchRecord, RouteRecord
 
 
 @dataclass(frozen=True)
@@ -332,4 +332,22 @@ class MotionSearch:
                 RouteRecord(graph=one.route.worth, value=one.value, status=one.shaped.status)
                 for one in tried
             ),
+            basins=self._basins([one for one in tried if one.value is not None]),
         )
+
+    def _basins(self, motions: Sequence[Candidate]) -> BasinRecord:
+        """How many routes led to each of the motions that programs made of them."""
+        distinct: list[list[Candidate]] = []
+        for one in motions:
+            alike = [k for k in distinct if same_motion(one.shaped.q, k[0].shaped.q)]
+            if alike:
+                alike[0].append(one)
+            else:
+                distinct.append([one])
+        optima = [Optimum(objective=self._worth(k[0]), count=len(k)) for k in distinct]
+        return BasinRecord.of(optima, max((o.objective for o in optima), default=None))
+
+    def _worth(self, candidate: Candidate) -> float:
+        """What is maximised of a candidate that is a motion."""
+        shortest = self.finisher.shaper.shortest
+        return -candidate.shaped.duration if shortest else float(candidate.value or 0.0)

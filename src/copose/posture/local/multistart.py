@@ -83,9 +83,9 @@ class LocalSearches:
         """The largest objective so far."""
         return max((end.objective for end in self.ends), default=-np.inf)
 
-    def keep(self, q: Array, value: float) -> None:
-        """Count a posture, (N,), among the ends."""
-        self.ends.append(LocalOptimum(q, float(value), 1))
+    def keep(self, q: Array, value: float, climbs: int = 1) -> None:
+        """Count a posture, (N,), among the ends, with how many climbs ended in it."""
+        self.ends.append(LocalOptimum(q, float(value), climbs))
         # A search that leaves out bodies which have to keep apart has no answer yet.
         if self.model.bodies is None or self.setting.bodies is not None:
             attained(float(value))
@@ -267,7 +267,7 @@ def differing(
 
 
 def gathered(cell: Cell, ends: Sequence[LocalOptimum], same: SameOptimum) -> list[LocalOptimum]:
-    """Distinct optima, best first, with how many ended in each."""
+    """Distinct optima, best first, with how many climbs ended in each."""
     optima: list[LocalOptimum] = []
     ends = sorted(ends, key=lambda optimum: -optimum.objective)
     folded = cell.all_folded(np.array([end.q for end in ends])) if ends else ()
@@ -276,13 +276,13 @@ def gathered(cell: Cell, ends: Sequence[LocalOptimum], same: SameOptimum) -> lis
         for j in range(len(optima) - 1, -1, -1):
             known = optima[j]
             if known.objective - end.objective >= same.objective:
-                optima.append(LocalOptimum(q, end.objective, 1))
+                optima.append(replace(end, q=q))
                 break
             if cell.distances(known.q[None], q)[0] < same.joints:
-                optima[j] = replace(known, count=known.count + 1)
+                optima[j] = replace(known, count=known.count + end.count)
                 break
         else:
-            optima.append(LocalOptimum(q, end.objective, 1))
+            optima.append(replace(end, q=q))
     return _tie_broken(optima, same)
 
 

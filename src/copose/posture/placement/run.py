@@ -27,6 +27,7 @@ from copose.posture.search.effort import EFFORTS, Effort
 from copose.posture.solution import MeasuredCase, MeasuredCases, Status
 from copose.progress import StoppedError, sheltered, stage
 from copose.results import (
+    BasinRecord,
     Optimum,
     PlacementRecord,
     SampleRecord,
@@ -248,6 +249,9 @@ def _search_record(
 ) -> SearchRecord:
     """The record of a search over placements: counts are sums over its searches for postures."""
     best = outcome.best_sample
+    optima = tuple(Optimum(objective=o.value, count=o.count) for o in outcome.optima)
+    # Where the search had to end its optima may be starts that it did not come to climb from.
+    ended = sum(optimum.count for optimum in optima) <= outcome.polished
     samples = {}
     for i, arm in enumerate(cell.arms):
         drawn = [one.samples[i] for one in outcome.searches if len(one.samples) > i]
@@ -265,7 +269,8 @@ def _search_record(
         best_sample=best,
         gap=None if value is None or best is None else value - best,
         starts=sum(each.starts for each in outcome.searches) + outcome.polished,
-        local_optima=tuple(Optimum(objective=o.value, count=o.count) for o in outcome.optima),
+        local_optima=optima,
+        basins=BasinRecord.of(optima, value) if ended else None,
         failures=failure_records(outcome.failures),
         verification=verification,
         placements=PlacementRecord(

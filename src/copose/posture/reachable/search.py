@@ -193,7 +193,7 @@ class ReachableSet:
         if outcome.best is not None:
             value = float(self.model.objectives(self.setting, outcome.best[None])[0])
             if value > best and self._reached(outcome.best) is not None:
-                kept.insert(0, LocalOptimum(outcome.best, value, 1))
+                kept.insert(0, LocalOptimum(outcome.best, value, 0))
         return replace(outcome, optima=tuple(kept))
 
     def _allowed(self, chosen: Indices) -> Mask:

@@ -15,6 +15,7 @@ from copose.posture.search.outcome import SearchOutcome
 from copose.posture.setting import Setting
 from copose.posture.solvers.nlp import LocalSolve
 from copose.results import (
+    BasinRecord,
     FailureRecord,
     Optimum,
     SampleRecord,
@@ -45,6 +46,7 @@ def search_record(
     gap = None
     if value is not None and outcome.best_sample is not None:
         gap = value - outcome.best_sample
+    optima = _optima(cell, outcome.optima)
     return SearchRecord(
         seed=seed,
         effort=effort,
@@ -59,7 +61,8 @@ def search_record(
         bound=outcome.bound,
         gap=gap,
         starts=outcome.starts,
-        local_optima=_optima(cell, outcome.optima),
+local_optima=optima,
+        basins=BasinRecord.of(optima, value, outcome.met),
         failures=failure_records(outcome.failures),
         verification=verification,
     )

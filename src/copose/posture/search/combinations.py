@@ -61,13 +61,15 @@ class Combinations:
             starts = self._known_starts()
             self._add_stand_in(starts)
             first = self._model.objectives(self._setting, starts[:1]) if len(starts) else None
+        optima = gathered(self._setting.cell, self.climbs.ends, self.climbs.options.same)
         return SearchOutcome(
             samples=tuple(samples),
             combinations=self.evaluated,
             best_sample=None if first is None else float(first[0]),
             bound=self.bound,
             starts=self.climbs.starts,
-            optima=tuple(gathered(self._setting.cell, self.climbs.ends, self.climbs.options.same)),
+            optima=tuple(optima),
+            met=tuple(optimum.count for optimum in optima),
             failures=tuple(self.climbs.failures),
             best=starts[0] if len(starts) else None,
         )
@@ -262,5 +264,5 @@ class Combinations:
             if value <= self.climbs.best:
                 break
             if model.feasibility.allowed(setting, start[None])[0]:
-                self.climbs.keep(start, value)
+                self.climbs.keep(start, value, climbs=0)
                 break

@@ -129,9 +129,11 @@ def climbed(
     """Outcome of a search that had nothing to climb from, with climbs from postures, (count, N)."""
     climbs = LocalSearches(model, setting)
     climbs.add(q)
+    optima = gathered(setting.cell, climbs.ends, climbs.options.same)
     return replace(
         outcome,
         starts=climbs.starts,
-        optima=tuple(gathered(setting.cell, climbs.ends, climbs.options.same)),
+        optima=tuple(optima),
+        met=tuple(optimum.count for optimum in optima),
         failures=tuple(climbs.failures),
     )

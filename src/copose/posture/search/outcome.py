@@ -21,6 +21,7 @@ class SearchOutcome:
         best_sample: the objective of the best combination before polishing.
         starts: combinations that were polished.
         optima: distinct local optima, best first.
+        met: how many climbs ended in each, those too that are no answer.
         failures: how polishing failed, and how often.
         bound: of the objective of every combination, from above; None where that is not known.
         best: the best combination before polishing, (N,); None where there is none.
@@ -33,6 +34,7 @@ class SearchOutcome:
     bound: float | None = None
     starts: int = 0
     optima: tuple[LocalOptimum, ...] = ()
+    met: tuple[int, ...] = ()
     failures: tuple[LocalSolve, ...] = ()
     best: Array | None = None
     blocked: tuple[Blocked, ...] = ()

@@ -15,9 +15,11 @@ from copose.report.text.columns import (
     counted,
     lines,
     table,
+    times,
     timing_line,
 )
 from copose.report.words import (
+    evidence_words,
     failure_words,
     gain_between,
     gain_word,
@@ -123,5 +125,8 @@ def _evidence(motion: Motion, verbose: bool, *, most: int = 5) -> Iterator[str]:
                 yield f"a route: {route.graph:.6f} in the graph, {value} as a motion"
         yield timing_line(motion.timing)
     if search is not None and search.routes:
-        routes = counted(len(search.routes), "route")
-        yield f"the best of {routes} through a graph of {counted(search.layers, 'layer')}"
+        routes, layers = counted(len(search.routes), "route"), counted(search.layers, "layer")
+        met = search.basins.best if search.basins is not None else 0
+        where = f", met {times(met)}" if met else ""
+        yield f"the best of {routes} through a graph of {layers}{where}"
+    yield from filter(None, [evidence_words(motion)])

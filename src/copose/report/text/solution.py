@@ -22,6 +22,7 @@ from copose.report.text.extremes import extreme_tables
 from copose.report.text.limits import joints_table, limit_lines, limit_rows
 from copose.report.text.placement import case_tables, free_tables
 from copose.report.words import (
+    evidence_words,
     gain_words,
     objective_name,
     objective_unit,
@@ -129,3 +130,4 @@ def _evidence(solution: Solution, verbose: bool, *, most: int = 5) -> Iterator[s
         ends += [f"{lost:,} ended in none"] if lost else []
         none = f" ({', '.join(ends)})" if ends else ""
         yield f"{number}; {best} {times(optima[0].count)} from {starts}{none}{where}"
+    yield from filter(None, [evidence_words(solution)])
