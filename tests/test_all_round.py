@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import combinations
 from math import comb
 
@@ -9,10 +10,11 @@ import numpy as np
 import pytest
 
 import copose
-from cells import planar, tables
+from cells import closed_postures, planar, tables
 from copose.capability.facet_normals import FacetNormals, cross
 from copose.capability.residual_balls import ResidualBalls
 from copose.objectives.ball_table import TableOptions, ranked
+from copose.objectives.facet_ascent import AscentOptions, FacetAscent
 from copose.objectives.quadratic_maximin import Quadratics, maximin
 from copose.posture.search.effort import EFFORTS
 from copose.posture.search.global_search import _sampled
@@ -276,3 +278,51 @@ def gaps(model: object, setting: object, q: np.ndarray) -> list[np.ndarray]:
     """Residuals of the closure by arm."""
     parts = zip(model.arms, model.split(q), setting.placement.goals, strict=True)
     return [kernels.residual(part, goal)[0] for kernels, part, goal in parts]
+
+
+@pytest.mark.parametrize("kind", ["planar", "pandas"])
+def test_no_enumeration_exceeds_the_bound_of_a_result(kind: str) -> None:
+    """Of other closed postures than the search had, and of those that it had: by `ExactSet`."""
+    cell, count = limited(2, 4), 24
+    if kind == "pandas":
+        cell, count = tables("two-panda-box"), 10
+        cell["objective"] = objective("all-round", "spatial")
+    planner = copose.Planner(parse(cell))
+    solution = planner.solve(seed=3)
+    setting, axes = planner._nominal, planner._model.objective.axes
+    bound = solution.search.bound
+    assert solution.objective.after <= bound
+    samples = _sampled(planner._model, setting, 3, EFFORTS["normal"])
+    had = [sample.closed for sample in samples]
+    others = [closed_postures(setting.cell, i) for i in range(2)]
+    best = -np.inf
+    for arms in (had, others):
+        q = [part[:: max(1, len(part) // count)] for part in arms]
+        best = max(best, *(
+            exact(planner, [part[k] for part, k in zip(q, rows, strict=True)], axes)
+            for rows in every(q)
+        ))  # fmt: skip
+    assert 0.8 * bound < best <= bound
+
+
+def test_a_step_that_makes_the_ball_smaller_is_not_taken() -> None:
+    """From a trust region in which the models are wrong: the next is smaller, and the facets that
+    were nearest where the step led are followed too.
+    """
+    planner, q, _ = ready(limited(2, 4), most=24)
+    model, setting = planner._model, planner._nominal
+    arms = [model.manifold(setting, i) for i in range(2)]
+    wide = AscentOptions(region=2.0, widest=2.0)
+    ascent = FacetAscent(partial(model.objective._balls, setting), arms, wide)
+    climbers = ascent._starting([part[: min(map(len, q))] for part in q])
+    refused = 0
+    for _ in range(6):
+        after = ascent._stepped(climbers)
+        radii = model.objectives(setting, np.hstack(after.q))
+        assert np.maximum(after.value, 0) == pytest.approx(radii, abs=1e-9)
+        assert np.all(after.value >= climbers.value)
+        stood = np.all(np.hstack(after.q) == np.hstack(climbers.q), axis=1)
+        assert after.region[stood] == pytest.approx(climbers.region[stood] / 4)
+        refused += int(stood.sum())
+        climbers = after
+    assert refused >= 6
