@@ -17,7 +17,7 @@ from building import Joints, Tables
 import copose
 from reference import PROBLEMS
 
-_PANDA_POSTURE = [0.0, -0.2, 0.0, -2.0, 0.0, 1.9, 0.8]
+PANDA_POSTURE = [0.0, -0.2, 0.0, -2.0, 0.0, 1.9, 0.8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +144,7 @@ _BUILT: dict[str, tuple[str, str, Callable[[str], _Made]]] = {
     "four-pandas-plate": (
         "four 7-joint arms round a plate: 28 joints, symmetric",
         "normal",
-        lambda name: building.ring(name, "panda", _PANDA_POSTURE, 4),
+        lambda name: building.ring(name, "panda", PANDA_POSTURE, 4),
     ),
     "panda-balls": (
         "ball contacts: four free dimensions an arm, the best posture at four limits",
@@ -196,7 +196,7 @@ def case(name: str) -> Case:
 def ring_case(count: int) -> Case:
     """``count`` Pandas round a plate, for cost against the number of arms."""
     name = f"ring-{count}"
-    tables, closed = building.ring(name, "panda", _PANDA_POSTURE, count, radius=0.35)
+    tables, closed = building.ring(name, "panda", PANDA_POSTURE, count, radius=0.35)
     return Case(name, f"{count} identical arms round a plate", tables, closed)
 
 

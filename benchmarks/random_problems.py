@@ -17,7 +17,7 @@ import building
 import numpy as np
 import pinocchio as pin
 from building import Joints, Tables
-from cases import Case
+from cases import PANDA_POSTURE, Case
 from sampling import CLOSED, project
 from truth import Truth
 
@@ -39,6 +39,22 @@ def _cell(*robots: str, **extra: Any) -> _Draw:
 def _planar(links: int, count: int, space: str, **extra: Any) -> _Draw:
     """Planar arms round a plate."""
     return lambda name, seed: building.planar(name, links, count, seed, space, **extra)
+
+
+def _opposite(**extra: Any) -> _Draw:
+    """Two Pandas on opposite sides of a plate: what ball contacts need to carry its weight."""
+
+    def drawn(name: str, seed: int) -> _Made:
+        q = np.array(PANDA_POSTURE) + np.random.default_rng(seed).uniform(-0.4, 0.4, 7)
+        task = {"space": "spatial-linear"}
+        tables, joints = building.ring(name, "panda", q.tolist(), 2, task=task, **extra)
+        for arm in tables["arms"]:
+            # Exactly opposite: two forces balance no moment about the line between them.
+            grasp = arm["grasp"]
+            grasp["position"] = [round(x, 12) + 0.0 for x in grasp["position"]]
+        return tables, joints
+
+    return drawn
 
 
 def _limited(draw: _Draw, torque: float) -> _Draw:
@@ -161,9 +177,8 @@ _PROBLEMS: tuple[tuple[str, _Draw], ...] = (
     ("three arms", _planar(4, 3, "planar-linear", **_objective("worst-direction"))),
     ("ball contacts", _cell("panda", "panda", space="spatial-linear")),
     ("ball contacts", _cell("ur5", "ur5", space="spatial-linear", **_OPTIMAL)),
-    ("ball contacts", _cell("panda", "panda", space="spatial-linear",
-                            **_objective("acceleration", direction=[0.0, 0.0, 1.0]))),
-    ("ball contacts", _cell("panda", "xarm7", space="spatial-linear", **_objective("payload"))),
+    ("ball contacts", _opposite(**_objective("acceleration", direction=[0.0, 0.0, 1.0]))),
+    ("ball contacts", _opposite(**_objective("payload"))),
     ("acceleration", _cell("panda", "panda", **_objective("acceleration", direction=_UP))),
     ("acceleration", _limited(_planar(4, 2, "planar", **_objective(
         "acceleration", directions=[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])), 60.0)),
