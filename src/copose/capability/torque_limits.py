@@ -47,6 +47,8 @@ class Demand:
     # `Space.balance`.
     load: Array
     joints: JointMotion  # the joint accelerations
+    # Torques that the arms' own motion takes, own·[1, t], (N, 2), or alike; none where it is None.
+    own: Array | None = None
 
     @classmethod
     def each(cls, demands: Sequence[Demand]) -> Demand:
@@ -89,6 +91,19 @@ class Demand:
         """The object at rest in arms at rest, t without effect; weight g_o, (b,)."""
         load = np.column_stack([weight, np.zeros(len(weight))])
         return cls(np.zeros((m, 2)), load, JointMotion.REST)
+
+    @classmethod
+    def carrying(cls, m: int, weight: Array, inertial: Array, own: Array) -> Demand:
+        """Objects in arms that move on given ways, t = 1/s² as fast, s the duration over a first.
+
+        Args:
+            m: of the task space.
+            weight: g_o at every posture, (count, b).
+            inertial: what wrenches come to besides at the first duration, (count, b).
+            own: what torques joints take besides there, (count, N).
+        """
+        motion, load = np.zeros((len(own), m, 2)), np.stack([weight, inertial], axis=2)
+        return cls(motion, load, JointMotion.REST, np.stack([0 * own, own], axis=2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,12 +151,12 @@ class Dynamics:
         )
         return replace(self, M=M, J=J, g=g)
 
-    def farthest(self, demand: Demand) -> Array:
-        """The largest t of every posture, to 1e-9 of it, (count,).
+    def farthest(self, demand: Demand, most: float = np.inf) -> Array:
+        """The largest t of every posture, to 1e-9 of it, no more than ``most``, (count,).
 
         NaN where there is none, or where contacts cannot exert such loads by any torques.
         """
-        x, _ = self._solved(demand, 1.0)
+        x, _ = self._solved(demand, 1.0, most)
         return x[:, 0]
 
     def shares(self, demand: Demand, within: float = 1e-10) -> Array:
@@ -152,21 +167,33 @@ class Dynamics:
         x, _ = maximise_first(*self._shared(demand), within)
         return np.where(self._exertable(demand), -x[:, 0], np.nan)
 
-    def quick_shares(self, demand: Demand) -> Array:
-        """An upper bound of `shares`, by torques of least ‖T⁻¹τ‖, (count,); ∞ where wrenches that
-        go with them break their own limits.
+    def quick_shares(self, demand: Demand, rows: Sequence[Indices]) -> Array:
+        """An upper bound of `shares` of arms at rest, by torques of least ‖T⁻¹τ‖, (count,); ∞ where
+        wrenches that go with them break their own limits.
+
+        Args:
+            demand: the same for all.
+            rows: numbers of the arms' own postures, (count,) each.
         """
-        speeding, wrenches = self._maps(demand)
-        torques = self._torques(speeding, wrenches)
-        free, fixed = torques[:, :, 2:], torques[:, :, :1]
-        normal = free.swapaxes(1, 2) @ free
+        particular, internal = self._distribution
+        wrenches = np.hstack([particular @ demand.load[:, :1], internal])
+        maps = []
+        for i, own in enumerate(np.split(wrenches, len(self.J))):
+            torque = self.J[i].swapaxes(1, 2) @ own
+            torque[:, :, 0] += self.g[i]
+            maps.append(torque / self.limits[i][:, None])
+        both = list(zip(maps, rows, strict=True))
+        # Squares are sums over the arms.
+        squares = np.sum([(part.swapaxes(1, 2) @ part)[own] for part, own in both], axis=0)
+        normal = squares[:, 1:, 1:]
         size = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-        normal += (self.ranks.independent * size + 1e-300) * np.eye(free.shape[2])
-        x = _solved(normal, -free.swapaxes(1, 2) @ fixed)
-        share = np.abs(fixed + free @ x)[:, :, 0].max(axis=1)
-        held = self.bounds.matrix @ (wrenches[:, :, :1] + wrenches[:, :, 2:] @ x)
+        normal = normal + (self.ranks.independent * size + 1e-300) * np.eye(normal.shape[1])
+        x = np.ones((len(normal), wrenches.shape[1], 1))
+        x[:, 1:] = _solved(normal, -squares[:, 1:, :1])
+        shares = np.max([np.abs(part[own] @ x).max(axis=(1, 2)) for part, own in both], axis=0)
+        held = self.bounds.matrix @ wrenches @ x
         sound = self._exertable(demand) & (held[:, :, 0] <= 1.0).all(axis=1)
-        return np.where(sound, share, np.inf)
+        return np.where(sound, shares, np.inf)
 
     def inside(self, demand: Demand, part: float) -> tuple[Array, Array, Array]:
         """A start for programs: a demand met with a part of the torque limits.
@@ -219,7 +246,7 @@ class Dynamics:
                 row, column = rows.stop, column + d
         return speeding, wrenches
 
-    def _torques(self, speeding: Array, wrenches: Array) -> Array:
+    def _torques(self, demand: Demand, speeding: Array, wrenches: Array) -> Array:
         """τ/T as linear in the same numbers, (count, N, 2 + d)."""
         rows, m = [], self.motion[0].shape[0]
         parts = np.split(speeding, self._edges, axis=1)
@@ -229,17 +256,27 @@ class Dynamics:
             torque = M @ part + J.swapaxes(1, 2) @ wrenches[:, m * i : m * i + m]
             torque[:, :, 0] += g
             rows.append(torque / T[:, None])
-        return np.concatenate(rows, axis=1)
+        torques = np.concatenate(rows, axis=1)
+        if demand.own is not None:
+            torques[:, :, :2] += demand.own / np.concatenate(self.limits)[:, None]
+        return torques
 
-    def _solved(self, demand: Demand, part: float) -> tuple[Array, tuple[Array, Array]]:
+    def _solved(
+        self, demand: Demand, part: float, most: float = np.inf
+    ) -> tuple[Array, tuple[Array, Array]]:
         speeding, wrenches = self._maps(demand)
-        torques = self._torques(speeding, wrenches)
+        torques = self._torques(demand, speeding, wrenches)
         held = self.bounds.matrix @ wrenches
         A = np.concatenate([torques[:, :, 1:], -torques[:, :, 1:], held[:, :, 1:]], axis=1)
         b = np.concatenate(
             [part - torques[:, :, 0], part + torques[:, :, 0], 1.0 - held[:, :, 0]],
             axis=1,
         )
+        if most < np.inf:
+            # In proportion: t, of whatever unit, is to be no larger than all that there is.
+            last = np.zeros((len(A), 1, A.shape[2]))
+            last[:, :, 0] = 1.0 / most
+            A, b = np.concatenate([A, last], axis=1), np.hstack([b, np.ones((len(b), 1))])
         sound = np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
         sound &= self._exertable(demand)
         x = np.full((len(A), A.shape[2]), np.nan)
@@ -250,7 +287,7 @@ class Dynamics:
     def _shared(self, demand: Demand) -> tuple[Array, Array]:
         """The program whose first variable is minus the largest share."""
         speeding, wrenches = self._maps(demand)
-        torques = self._torques(speeding, wrenches)
+        torques = self._torques(demand, speeding, wrenches)
         held = self.bounds.matrix @ wrenches
         A = np.concatenate([torques[:, :, 1:], -torques[:, :, 1:], held[:, :, 1:]], axis=1)
         A[:, :, 0] = 1.0

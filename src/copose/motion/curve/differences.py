@@ -1,15 +1,10 @@
-"""Rates of motions sampled at uniform knots: finite differences, cubic splines, interpolation."""
+"""Rates of motions sampled at uniform knots: finite differences and cubic splines."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from copose.poses import Array
-
-
-def interpolated(phases: Array, q: Array, instants: Array) -> Array:
-    """Joint positions, (n, N), at some phases, interpolated linearly at others, (count, N)."""
-    return np.column_stack([np.interp(instants, phases, column) for column in q.T])
 
 
 def slopes(q: Array, step: float) -> Array:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from copose.measurement.meter import closure_errors
+from copose.motion.curve.differences import spline_slopes
 from copose.motion.path.knots import tip_goals
 from copose.motion.path.object_motion import ObjectMotion
 from copose.poses import Array
@@ -23,11 +24,27 @@ def hermite_points(q: Array, rates: Array, step: float, part: float) -> Array:
         step: between knots, s.
         part: of an interval, 0 … 1.
     """
-    s = part
+    return _cubic(q[:-1], q[1:], step * rates[:-1], step * rates[1:], part)
+
+
+def spline_points(q: Array, phases: Array) -> Array:
+    """Joint positions, (count, N), on the spline through uniform knots, at rest at both ends.
+
+    Args:
+        q: at the knots, (n, N).
+        phases: shares of the duration, (count,).
+    """
+    k = np.minimum((phases * (len(q) - 1)).astype(np.intp), len(q) - 2)
+    rates = spline_slopes(q, 1.0)
+    return _cubic(q[k], q[k + 1], rates[k], rates[k + 1], (phases * (len(q) - 1) - k)[:, None])
+
+
+def _cubic(q: Array, after: Array, rise: Array, later: Array, s: float | Array) -> Array:
+    """Cubics from q to q after them by their rates, per interval, at a part s of it."""
     return np.asarray(
-        (1 + 2 * s) * (1 - s) ** 2 * q[:-1]
-        + s**2 * (3 - 2 * s) * q[1:]
-        + step * s * (1 - s) * ((1 - s) * rates[:-1] - s * rates[1:])
+        (1 + 2 * s) * (1 - s) ** 2 * q
+        + s**2 * (3 - 2 * s) * after
+        + s * (1 - s) * ((1 - s) * rise - s * later)
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from copose.capability.torque_limits import Demand, Dynamics
 from copose.cell.cell import Cell
 from copose.cell.dynamics import HELD, CellDynamics
 from copose.motion.path.knots import Course
-from copose.poses import Array, Pose, skew
+from copose.poses import Array, Indices, Pose, skew
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +22,7 @@ class Carrying:
     load: Array  # force over moment that contact wrenches exert on the object, (n, b)
     J: Sequence[Array]  # Jacobians by arm, world axes, (n, m, n_i)
     alone: Sequence[Array]  # torques without wrenches by arm, (n, n_i)
+    still: Sequence[Array]  # alike of arms at rest
 
 
 class Torques:
@@ -41,9 +42,9 @@ class Torques:
         """
         self._cell, self.capacity, self._tolerance = cell, capacity, tolerance
 
-    def least(self, asked: Carrying) -> tuple[Array, Array] | None:
-        """Torques of least ‖T⁻¹τ‖, T the limits or ones, (n, N), and their wrenches, world axes,
-        (n, Km); None where no wrenches carry the object.
+    def least(self, asked: Carrying) -> Array | None:
+        """Torques of least ‖T⁻¹τ‖, T the limits or ones, (n, N); None where no wrenches carry the
+        object.
         """
         limits = self._cell.torque_limits
         T = np.concatenate(limits or [np.ones(arm.n) for arm in self._cell.arms])
@@ -53,19 +54,24 @@ class Torques:
         for i, jacobian in enumerate(asked.J):
             wide[:, edges[i] : edges[i + 1], i * m : i * m + m] = jacobian.swapaxes(1, 2)
         alone = np.hstack(asked.alone)
-        wrenches = np.empty((count, K * m))
-        for k, load in enumerate(asked.load):
-            P = np.hstack(_balance(self._cell, asked.course.stations[k].pose.rotation))
-            U, s, V = np.linalg.svd(P)
-            rank = int((s > self._tolerance * s[0]).sum())
-            carried = V[:rank].T @ ((U[:, :rank].T @ load) / s[:rank])
-            if np.abs(P @ carried - load).max() > self._tolerance * (1 + np.abs(load).max()):
-                return None
-            inner = V[rank:].T
-            pushed = (wide[k] @ inner) / T[:, None]
-            fixed = (alone[k] + wide[k] @ carried) / T
-            wrenches[k] = carried - inner @ np.linalg.lstsq(pushed, fixed, rcond=None)[0]
-        return alone + (wide @ wrenches[:, :, None])[:, :, 0], wrenches
+        P = np.array([
+            np.hstack(_balance(self._cell, station.pose.rotation))
+            for station in asked.course.stations
+        ])  # fmt: skip
+        U, s, V = np.linalg.svd(P)
+        # As an object turns the rank of what its contacts exert stays.
+        rank = int((s[0] > self._tolerance * s[0, 0]).sum())
+        exerted = (U[:, :, :rank].swapaxes(1, 2) @ asked.load[:, :, None]) / s[:, :rank, None]
+        carried = V[:, :rank].swapaxes(1, 2) @ exerted
+        missed = np.abs((P @ carried)[:, :, 0] - asked.load).max(axis=1)
+        if np.any(missed > self._tolerance * (1 + np.abs(asked.load).max(axis=1))):
+            return None
+        inner = V[:, rank:].swapaxes(1, 2)
+        pushed = (wide @ inner) / T[:, None]
+        fixed = (alone[:, :, None] + wide @ carried) / T[:, None]
+        rounding = max(pushed.shape[1:]) * np.finfo(float).eps
+        wrenches = carried - inner @ (np.linalg.pinv(pushed, rcond=rounding) @ fixed)
+        return np.asarray(alone + (wide @ wrenches)[:, :, 0])
 
     def uncarried(self, course: Course, *, moving: bool) -> int | None:
         """The first knot at which no contact wrenches, however large, carry the object at rest or,
@@ -96,31 +102,59 @@ class Torques:
 
     def _kept(self, asked: Carrying) -> Array:
         """Torques over their limits, (n, N), whose largest is smallest; ∞ where there are none."""
+        assert self.capacity is not None
+        T = np.concatenate(self.capacity.limits)
+        ratios = np.full((len(asked.course), len(T)), np.inf)
+        for rows, dynamics, demand in self._alike(asked, asked.alone, asked.load):
+            torques = dynamics.resting_torques(demand) / T
+            sound = np.isfinite(torques).all(axis=1)
+            ratios[rows[sound]] = torques[sound]
+        return ratios
+
+    def sparing(self, asked: Carrying) -> Array:
+        """Contact wrenches, root axes, (n, Km), with which the largest share of a torque limit is
+        smallest; NaN where there are none.
+        """
+        wrenches = np.empty((len(asked.course), len(asked.J) * self._cell.system.space.m))
+        for rows, dynamics, demand in self._alike(asked, asked.alone, asked.load):
+            wrenches[rows] = dynamics.resting(demand)
+        return wrenches
+
+    def least_stretch(self, asked: Carrying, least: float) -> float:
+        """The least factor of the duration, ``least`` at least, with which torques keep limits; NaN
+        where none is known to.
+        """
+        parts = self._alike(asked, asked.still, self.loads(asked.course, np.inf))
+        squares = [dynamics.farthest(demand, least**-2).min() for _, dynamics, demand in parts]
+        return float(1 / np.sqrt(np.min(squares)))
+
+    def _alike(
+        self, asked: Carrying, fixed: Sequence[Array], load: Array
+    ) -> Iterator[tuple[Indices, Dynamics, Demand]]:
+        """Groups of knots where the object is turned alike, their equations of motion and demands:
+        torques without wrenches and loads that are fixed, the rest in proportion to t.
+        """
         capacity, space = self.capacity, self._cell.system.space
         assert capacity is not None
-        T = np.concatenate(capacity.limits)
-        ratios = np.full((len(asked.course), len(T)), np.inf)
         turns = [turn(arm.base, space.rows) for arm in self._cell.arms]
+        own = np.hstack(asked.alone) - np.hstack(fixed)
         alike: dict[bytes, list[int]] = {}
         for k, station in enumerate(asked.course.stations):
             alike.setdefault(station.pose.rotation.tobytes(), []).append(k)
-        for rows in alike.values():
+        for rows in map(np.array, alike.values()):
             # Wrenches balance alike as long as the object does not turn.
             balance = _balance(self._cell, asked.course.stations[rows[0]].pose.rotation)
             dynamics = Dynamics(
                 M=tuple(np.zeros((len(rows), len(T), len(T))) for T in capacity.limits),
                 J=tuple(R.T @ jacobian[rows] for R, jacobian in zip(turns, asked.J, strict=True)),
-                g=tuple(torque[rows] for torque in asked.alone),
+                g=tuple(torque[rows] for torque in fixed),
                 motion=tuple(np.zeros((space.m, space.m)) for _ in asked.J),
                 balance=tuple(P @ R for P, R in zip(balance, turns, strict=True)),
                 limits=capacity.limits,
                 bounds=capacity.bounds,
             )
-            demand = Demand.each([Demand.holding(space.m, asked.load[k]) for k in rows])
-            torques = dynamics.resting_torques(demand) / T
-            sound = np.isfinite(torques).all(axis=1)
-            ratios[np.array(rows)[sound]] = torques[sound]
-        return ratios
+            demand = Demand.carrying(space.m, load[rows], (asked.load - load)[rows], own[rows])
+            yield rows, dynamics, demand
 
     def inertial(self, course: Course) -> Array:
         """Inertial force and moment, by φ twice, in the rows of `Space.balance`, (n, b)."""

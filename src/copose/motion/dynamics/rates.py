@@ -13,7 +13,7 @@ from copose.kernels import Kernel
 from copose.motion.curve.differences import bends, slopes, spline_slopes
 from copose.motion.curve.hermite import hermite_points
 from copose.motion.dynamics.closing_slopes import closing_rates, within_speeds
-from copose.motion.dynamics.inverse_dynamics import Carrying, Torques, turn
+from copose.motion.dynamics.inverse_dynamics import Carrying, Torques
 from copose.motion.path.knots import Course, tip_goals
 from copose.motion.path.object_motion import ObjectMotion
 from copose.poses import Array
@@ -26,6 +26,7 @@ class DriveOptions:
 
     opening: float = 0.3  # part of the tolerance beyond which slopes are bent to close the chain
     clips: int = 60  # steps back within speed limits, along more than one self-motion
+    least_stretch: float = 1e-3  # of a duration, where neither speeds nor accelerations tell
     inside: float = 1e-4  # how far inside the limits these aim, relative
 
 
@@ -118,10 +119,38 @@ class JointRates:
             q: joint positions by arm, (n, n_i).
             duration: s.
         """
+        velocities, accelerations, asked = self._asked(course, q, duration)
+        torques = None if self._cell.weightless else self.torques.least(asked)
+        if torques is None:
+            return Driven(velocities, accelerations, None, None)
+        shares = None
+        if self._cell.dynamic_torque:
+            torques, shares = self.torques.limited(asked, torques)
+        edges = np.cumsum([joints.shape[1] for joints in q])[:-1]
+        torque = tuple(np.split(torques, edges, axis=1))
+        return Driven(velocities, accelerations, torque, shares)
+
+    def least_duration(self, course: Course, q: Sequence[Array], duration: float) -> float:
+        """The least duration in which a motion keeps limits of speeds, accelerations and torques,
+        s, its rates at another given; NaN where none is known.
+        """
+        velocities, accelerations, asked = self._asked(course, q, duration)
+        joints = [joint for arm in self._cell.arms for joint in arm.joints]
+        speeds = np.abs(np.hstack(velocities)) / [joint.velocity for joint in joints]
+        bends = np.abs(np.hstack(accelerations)) / [joint.acceleration for joint in joints]
+        stretch = max(float(speeds.max()), float(np.sqrt(bends.max())), self._options.least_stretch)
+        if self._cell.dynamic_torque:
+            stretch = self.torques.least_stretch(asked, stretch)
+        return duration * stretch
+
+    def _asked(
+        self, course: Course, q: Sequence[Array], duration: float
+    ) -> tuple[tuple[Array, ...], tuple[Array, ...], Carrying]:
+        """Joint velocities and accelerations of a motion, and what they ask of torques."""
         step = duration / (len(course) - 1)
-        velocities, accelerations, jacobians, biases = [], [], [], []
+        velocities, accelerations, jacobians, biases, still = [], [], [], [], []
         for i, (kernel, joints) in enumerate(zip(self._kernels, q, strict=True)):
-            J, _, _, _ = self._parts(kernel, joints, np.zeros_like(joints))
+            J, _, _, weight = self._parts(kernel, joints, np.zeros_like(joints))
             contact = course.velocities[i] / duration
             rate = self._rates(i, J, joints, step, contact)
             J, bend, M, bias = self._parts(kernel, joints, rate)
@@ -130,17 +159,9 @@ class JointRates:
             accelerations.append(_nearest(J, bends(joints, step), contact))
             jacobians.append(J)
             biases.append((M @ accelerations[-1][:, :, None])[:, :, 0] + bias)
-        asked = Carrying(course, self.torques.loads(course, duration), jacobians, biases)
-        least = None if self._cell.weightless else self.torques.least(asked)
-        if least is None:
-            return Driven(tuple(velocities), tuple(accelerations), None, None)
-        torques, _ = least
-        shares = None
-        if self._cell.dynamic_torque:
-            torques, shares = self.torques.limited(asked, torques)
-        edges = np.cumsum([joints.shape[1] for joints in q])[:-1]
-        torque = tuple(np.split(torques, edges, axis=1))
-        return Driven(tuple(velocities), tuple(accelerations), torque, shares)
+            still.append(weight)
+        asked = Carrying(course, self.torques.loads(course, duration), jacobians, biases, still)
+        return tuple(velocities), tuple(accelerations), asked
 
     def _rates(self, i: int, J: Array, q: Array, step: float, contact: Array) -> Array:
         """Slopes of the spline through the knots, on the chain and, if they can, within limits."""
@@ -181,21 +202,17 @@ class JointRates:
         return moved
 
     def wrenches(self, course: Course, q: Sequence[Array], duration: float) -> Array:
-        """Contact wrenches at the knots of a motion, tip on object, root axes, (n, Km), about."""
-        space = self._cell.system.space
+        """Contact wrenches at the knots of a motion that strain torque limits least, tip on object,
+        root axes, (n, Km).
+        """
         jacobians, biases = [], []
         for kernel, joints in zip(self._kernels, q, strict=True):
             step = duration / (len(course) - 1)
             J, _, M, bias = self._parts(kernel, joints, slopes(joints, step))
             jacobians.append(J)
             biases.append((M @ bends(joints, step)[:, :, None])[:, :, 0] + bias)
-        asked = Carrying(course, self.torques.loads(course, duration), jacobians, biases)
-        least = self.torques.least(asked)
-        if least is None:
-            return np.full((len(course), len(q) * space.m), np.nan)
-        parts = np.split(least[1], len(q), axis=1)
-        turns = [turn(arm.base, space.rows) for arm in self._cell.arms]
-        return np.hstack([part @ R for part, R in zip(parts, turns, strict=True)])
+        loads = self.torques.loads(course, duration)
+        return self.torques.sparing(Carrying(course, loads, jacobians, biases, biases))
 
     def _parts(self, kernel: Kernel, q: Array, rates: Array) -> tuple[Array, Array, Array, Array]:
         """Terms J, (count, m, n), J̇ q̇, (count, m), M, (count, n, n), and C q̇ + g, (count, n)."""

@@ -140,11 +140,11 @@ class NodeValues:
         if not len(chosen):
             return np.zeros(0)
         alone, hold = self._holding[k]
-        dynamics = alone.combined(list(chosen.T))
-        shares = dynamics.quick_shares(hold)
+        shares = alone.quick_shares(hold, list(chosen.T))
         over = np.flatnonzero(~(shares <= 1.0))
         if len(over):
-            shares[over] = dynamics.taken(over).shares(hold, self._options.accuracy)
+            dynamics = alone.combined(list(chosen[over].T))
+            shares[over] = dynamics.shares(hold, self._options.accuracy)
         shares[np.isnan(shares)] = np.inf
         self.shares[k] = min(self.shares[k], shares.min())
         return np.asarray(self._options.overload * np.maximum(shares - 1.0, 0.0) ** 2)

@@ -11,13 +11,13 @@ import numpy as np
 from copose.motion.nlp.clearance_rows import ClearanceRows
 from copose.motion.nlp.knot import KnotNlp
 from copose.motion.nlp.linear_rows import LinearRows
-from copose.poses import Array, Indices
+from copose.poses import Array, Indices, Mask
 
 
 class MotionFunctions:
     """Functions of a motion's program at x, the variables y of all knots one after the other.
 
-    Rows are the knots' constraints, the linear rows and those on clearance, in this order.
+    Rows are the knots' constraints that count, the linear rows and those on clearance, in order.
 
     Attributes:
         height: number of rows.
@@ -29,6 +29,7 @@ class MotionFunctions:
         self,
         task: KnotNlp,
         parameters: Array,
+        counted: Mask,
         linear: LinearRows,
         clearance: ClearanceRows | None,
         smoothing: float,
@@ -39,6 +40,7 @@ class MotionFunctions:
         Args:
             task: the program at a knot.
             parameters: of every knot, see `KnotNlp`, (n, p).
+            counted: which constraints of every knot have bounds, (n, g).
             linear: rows that tie the knots.
             clearance: rows that keep bodies apart.
             smoothing: cost of the sum of squared steps of the joints.
@@ -47,22 +49,26 @@ class MotionFunctions:
         self._task, self._parameters, self._linear = task, parameters, linear
         self._clearance, self._smoothing, self._difference = clearance, smoothing, difference
         self._count, self._size, self._joints = len(parameters), task.size, task.joints
-        self._own = len(task.bounds[0])
+        self._counted = np.flatnonzero(counted)
         # −level is minimised.
         self._sign = -1.0 if task.shared == "level" else 1.0
         # The solver asks for cost and rows one by one.
         self._known: tuple[Array, list[Array | float]] | None = None
         self._starts = np.arange(self._count)[:, None]
         self._spaced = 0 if clearance is None else len(clearance)
-        self.height = self._own * self._count + len(linear.lower) + self._spaced
+        self.height = len(self._counted) + len(linear.lower) + self._spaced
         self.jacobian_pattern, self._jacobian_order = self._laid_out_jacobian()
         self.hessian_pattern, self._hessian_order = self._laid_out_hessian()
 
     def _laid_out_jacobian(self) -> tuple[ca.Sparsity, Indices]:
         task, starts, linear = self._task, self._starts, self._linear
-        below = self._own * self._count
-        rows = [(task.pattern[0] + self._own * starts).ravel(), linear.rows + below]
-        columns = [(task.pattern[1] + self._size * starts).ravel(), linear.columns]
+        below, own = len(self._counted), len(task.bounds[0])
+        places = np.full(own * self._count, -1)
+        places[self._counted] = np.arange(below)
+        places = places[(task.pattern[0] + own * starts).ravel()]
+        self._entries = np.flatnonzero(places >= 0)
+        rows = [places[self._entries], linear.rows + below]
+        columns = [(task.pattern[1] + self._size * starts).ravel()[self._entries], linear.columns]
         if self._clearance is not None:
             row, column = np.nonzero(self._clearance.moved)
             rows.append(row + below + len(linear.lower))
@@ -99,7 +105,7 @@ class MotionFunctions:
             cost -= float(values[:, 0].mean())
         else:
             cost += self._sign * float(y[0, self._task.slices[self._task.shared].start])
-        rows = [values[:, 1:].ravel(), self._linear.values(x)]
+        rows = [values[:, 1:].ravel()[self._counted], self._linear.values(x)]
         if self._clearance is not None:
             rows.append(self._clearance.values(q))
         return [cost, np.concatenate(rows)]
@@ -122,7 +128,7 @@ class MotionFunctions:
         """The rows and the entries of their Jacobian."""
         y = x.reshape(self._count, self._size)
         entries = self._task.slopes(y, self._parameters)[:, self._size :]
-        parts = [entries.ravel(), self._linear.entries]
+        parts = [entries.ravel()[self._entries], self._linear.entries]
         if self._clearance is not None:
             slopes = self._clearance.slopes(y[:, : self._joints])
             parts.append(slopes[self._clearance.moved])
@@ -130,12 +136,13 @@ class MotionFunctions:
 
     def hessian(self, x: Array, p: Array, sigma: Array, lam: Array) -> list[Array]:
         """Entries of the Lagrangian's Hessian; by the joints differences of its exact gradient."""
-        task, n, size, N, own = self._task, self._count, self._size, self._joints, self._own
-        y = x.reshape(n, size)
-        weighed = np.empty((n, size + 1 + own))
+        task, n, size, N = self._task, self._count, self._size, self._joints
+        y, multipliers = x.reshape(n, size), np.zeros((n, len(task.bounds[0])))
+        multipliers.flat[self._counted] = lam[: len(self._counted)]
+        weighed = np.empty((n, size + 1 + multipliers.shape[1]))
         weighed[:, :size] = y
         weighed[:, size] = -sigma[0] / n if task.shared is None else 0.0
-        weighed[:, size + 1 :] = lam[: own * n].reshape(n, own)
+        weighed[:, size + 1 :] = multipliers
         moved = np.repeat(weighed, N + 1, axis=0).reshape(n, N + 1, -1)
         moved[:, np.arange(N), np.arange(N)] += self._difference
         P = self._parameters

@@ -30,6 +30,8 @@ class MotionProgramOptions:
 
     tolerance: float = 1e-8  # IPOPT's
     barrier: float = 1e-2  # first barrier parameter
+    shortest_tolerance: float = 1e-6  # of the shortest duration, and its barrier from a start near
+    shortest_barrier: float = 1e-3  # the answer: many limits make a motion long with a larger one
     near_barrier: float = 1e-5  # the same from a start near the answer,
     near_push: float = 1e-7  # which is put so far inside its bounds
     warm_barrier: float = 1e-6  # the same with multipliers of a neighbouring program's answer,
@@ -37,16 +39,20 @@ class MotionProgramOptions:
     smoothing: float = 1e-6  # cost of S over the squared duration where the objective counts not
     least_stretch: float = 1e-6  # lower bound of the stretch of the duration
 
-    def ipopt(self, *, near: bool, warm: bool) -> dict[str, Any]:
+    def ipopt(self, *, shortest: bool, near: bool, warm: bool) -> dict[str, Any]:
         """Options of IPOPT from a start near the answer, or with known multipliers."""
         options = ipopt_options() | {
-            "no_nlp_grad": True, "ipopt.tol": self.tolerance, "ipopt.mu_init": self.barrier,
-        }  # fmt: skip
+            "no_nlp_grad": True,
+            "ipopt.tol": self.shortest_tolerance if shortest else self.tolerance,
+            "ipopt.mu_init": self.barrier,
+        }
         pushes = ["bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"]
         if warm:
             options |= {"ipopt.mu_init": self.warm_barrier, "ipopt.warm_start_init_point": "yes"}
             pushes.append("mult_bound_push")
             options |= {f"ipopt.warm_start_{push}": self.warm_push for push in pushes}
+        elif near and shortest:
+            options |= {"ipopt.mu_init": self.shortest_barrier}
         elif near:
             options |= {"ipopt.mu_init": self.near_barrier}
             options |= {f"ipopt.{push}": self.near_push for push in pushes}
@@ -118,8 +124,10 @@ class MotionProgram:
             task, self._count, inputs.speeds, inputs.duration, returns=inputs.returns
         )
         # S is the mean of (Δq/Δt)² over the intervals and the joints.
+        self._low, self._high = self._knot_bounds()
+        self._counted = np.isfinite(self._low) | np.isfinite(self._high)
         self._functions = MotionFunctions(
-            task, inputs.parameters, self._linear, inputs.clearance,
+            task, inputs.parameters, self._counted, self._linear, inputs.clearance,
             smoothing * (self._count - 1) / self._joints,
         )  # fmt: skip
         self._spaced = 0 if inputs.clearance is None else len(inputs.clearance)
@@ -132,7 +140,9 @@ class MotionProgram:
         """
         inputs, slices = self._inputs, self._task.slices
         lower, upper = self._variable_bounds()
-        low, high = self._row_bounds()
+        tied, spaced = self._linear, np.zeros(self._spaced)
+        low = np.concatenate([self._low[self._counted], tied.lower, spaced])
+        high = np.concatenate([self._high[self._counted], tied.upper, spaced + np.inf])
         known = {}
         if inputs.warm is not None:
             multipliers = np.concatenate([inputs.warm.constraints, np.zeros(self._spaced)])
@@ -174,8 +184,8 @@ class MotionProgram:
             upper[~inputs.held, slices["hold"]] = 0.0
         return lower, upper
 
-    def _row_bounds(self) -> tuple[Array, Array]:
-        """Bounds of all rows, stacked."""
+    def _knot_bounds(self) -> tuple[Array, Array]:
+        """Bounds of the constraints of every knot, (n, g) each."""
         low, high = self._task.bounds
         lows, highs = (np.tile(bound, (self._count, 1)) for bound in (low, high))
         # Where every joint of an arm is given its closure is no equation for anything.
@@ -193,21 +203,18 @@ class MotionProgram:
         if self._inputs.tightened is not None:
             lows *= self._inputs.tightened
             highs *= self._inputs.tightened
-        return (
-            np.concatenate([lows.ravel(), self._linear.lower, np.zeros(self._spaced)]),
-            np.concatenate([highs.ravel(), self._linear.upper, np.full(self._spaced, np.inf)]),
-        )
+        return lows, highs
 
     def _name(self, row: int) -> tuple[str, int]:
         """The constraint that a row belongs to, and its knot."""
-        own = len(self._task.bounds[0])
-        if row >= own * self._count:
-            row -= own * self._count
+        counted = np.argwhere(self._counted)
+        if row >= len(counted):
+            row -= len(counted)
             if row < len(self._linear.names):
                 return self._linear.names[row]
             assert self._inputs.clearance is not None
             return "clearance", int(self._inputs.clearance.knots[row - len(self._linear.names)])
-        k, row = divmod(row, own)
+        k, row = counted[row].tolist()
         for constraint in self._task.constraints:
             if row < constraint.expression.numel():
                 return constraint.name, k
@@ -234,6 +241,10 @@ class MotionProgram:
             ),
         }  # fmt: skip
         self._oracle = Evaluated("nlp", [x, p], [f, g], functions.values)
-        options = self._options.ipopt(near=inputs.near, warm=inputs.warm is not None)
+        options = self._options.ipopt(
+            shortest=self._task.shared == "stretch",
+            near=inputs.near,
+            warm=inputs.warm is not None,
+        )
         options |= {"ipopt.max_iter": inputs.iterations, **self._callbacks}
         return Ipopt("motion", self._oracle, (width, 0, height), options)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -47,9 +48,9 @@ class Course:
         goals = [np.array([setting.placement.goals[i] for setting in settings]) for i in K]
         velocities, accelerations = [], []
         for arm in cell.arms:
-            moved = [_contact(station, arm.grasp.position) for station in stations]
-            velocities.append(np.array([v[rows] for v, _ in moved]))
-            accelerations.append(np.array([a[rows] for _, a in moved]))
+            velocity, acceleration = _contact(stations, arm.grasp.position)
+            velocities.append(velocity[:, rows])
+            accelerations.append(acceleration[:, rows])
         return cls(
             phases, stations, tuple(settings), tuple(goals), tuple(velocities), tuple(accelerations)
         )
@@ -82,28 +83,27 @@ class Course:
         cell = self.settings[0].cell
         mass, balance = cell.problem.object.mass, list(cell.system.space.balance)
         about = np.zeros((3, 3)) if inertia is None else inertia
-        loads = []
-        for station in self.stations:
-            R = station.pose.rotation
-            own = R @ about @ R.T
-            w, alpha = station.velocity[3:], station.acceleration[3:]
-            moment = own @ alpha + np.cross(w, own @ w)
-            loads.append(np.concatenate([mass * station.acceleration[:3], moment])[balance])
-        return np.array(loads)
+        R = np.array([station.pose.rotation for station in self.stations])
+        own = R @ about @ R.swapaxes(1, 2)
+        rates = np.array([(station.velocity, station.acceleration) for station in self.stations])
+        w = rates[:, 0, 3:]
+        turned, gyrated = (own @ part[:, :, None] for part in (rates[:, 1, 3:], w))
+        moment = turned[:, :, 0] + np.cross(w, gyrated[:, :, 0])
+        return np.hstack([mass * rates[:, 1, :3], moment])[:, balance]
 
 
 def _numbers(station: ObjectState) -> Array:
     return np.concatenate([station.pose.position, station.pose.quaternion])
 
 
-def _contact(station: ObjectState, grasp: Array) -> tuple[Array, Array]:
-    """Velocity v + ω × r over ω and acceleration a + α × r + ω × (ω × r) over α, (6,) each."""
-    r = station.pose.rotation @ grasp
-    v, w = np.split(station.velocity, 2)
-    a, alpha = np.split(station.acceleration, 2)
-    velocity = np.concatenate([v + np.cross(w, r), w])
-    bend = a + np.cross(alpha, r) + np.cross(w, np.cross(w, r))
-    return velocity, np.concatenate([bend, alpha])
+def _contact(stations: Sequence[ObjectState], grasp: Array) -> tuple[Array, Array]:
+    """Velocities v + ω × r over ω and accelerations a + α × r + ω × (ω × r) over α, (n, 6) each."""
+    r = np.array([station.pose.rotation for station in stations]) @ grasp
+    v, w = np.split(np.array([station.velocity for station in stations]), 2, axis=1)
+    a, alpha = np.split(np.array([station.acceleration for station in stations]), 2, axis=1)
+    turning = np.cross(w, r)
+    bend = a + np.cross(alpha, r) + np.cross(w, turning)
+    return np.hstack([v + turning, w]), np.hstack([bend, alpha])
 
 
 def uniform(count: int) -> Array:

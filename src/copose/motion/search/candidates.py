@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from copose.cell.dynamics import HELD
-from copose.motion.curve.differences import interpolated
+from copose.motion.curve.hermite import spline_points
+from copose.motion.curve.straightening import straightened
 from copose.motion.dynamics.limit_use import LimitUse, largest_strain
 from copose.motion.graph.node_values import NodeValues
 from copose.motion.graph.roadmap import Roadmap
@@ -26,7 +27,7 @@ from copose.motion.search.obstruction import (
     unheld,
 )
 from copose.motion.search.refinement import Refiner
-from copose.poses import Array
+from copose.poses import Array, Mask
 from copose.posture.model import PostureModel
 from copose.posture.search.heaviest import heaviest_object
 from copose.progress import stage
@@ -40,6 +41,8 @@ class TrialOptions:
     # The same where the graph knows less: an arm has more than one degree of freedom to spare,
     # forces are limited, or there are more than two arms.
     more_routes: int = 6
+    raced: int = 3  # the same where the shortest duration is sought
+    hopeless: float = 1.5  # times the least duration of such a route's beyond which none is
     distance: float = 0.3  # by which routes differ in some joint and layer, rad or m
     every: int = 64  # combinations of branches that are all judged, of arms without a choice
     even: int = 2  # routes of a kind from which motions are sought that spare torques
@@ -74,11 +77,18 @@ class Outcome:
     why: Obstruction | None
 
     @classmethod
-    def of(cls, tried: list[Candidate], why: Obstruction | None, *, shortest: bool) -> Outcome:
-        """Candidates in order; the obstruction counts where none is a motion."""
+    def of(
+        cls, tried: list[Candidate], why: Obstruction | None, *, shortest: bool, alike: float = 1e-3
+    ) -> Outcome:
+        """Candidates in order, the shortest first if that is sought, of those that last alike, as a
+        share, the best; the obstruction counts where none is a motion.
+        """
+        valued = [one.shaped.duration for one in tried if one.value is not None]
+        enough = min(valued, default=0.0) * (1 + alike)
 
         def order(one: Candidate) -> tuple[bool, float, float]:
-            return one.value is None, shortest * one.shaped.duration, -(one.value or 0.0)
+            duration = max(one.shaped.duration, enough)
+            return one.value is None, shortest * duration, -(one.value or 0.0)
 
         ordered = sorted(tried, key=order)
         return cls(ordered, why if not ordered or ordered[0].value is None else None)
@@ -164,7 +174,8 @@ class CandidateSearch:
             return Outcome([], why or blocked(model, self.course, self._finder, self.duration))
         quickest = self._finder.quickest(most, options.distance) if shortest else []
         careless = shortest and self._limited and not judged
-        tried = [] if careless else [self._made(route) for route in routes]
+        raced = [*quickest] if careless else [*routes, *quickest]
+        tried = [] if shortest else [self._made(route) for route in routes]
         best = max((one for one in tried if one.value is not None), key=_value, default=None)
         if self._limited and not judged and (best is None or not best.easy):
             few = options.routes if quickest else most
@@ -173,7 +184,8 @@ class CandidateSearch:
             if why is not None:
                 return Outcome.of(tried, why, shortest=shortest)
             routes = careful or routes
-            tried += [self._direct(route) for route in routes]
+            raced += routes
+            tried += [] if shortest else [self._direct(route) for route in routes]
         if self.finisher.shaper.hasty and not shortest and (best is None or not best.easy):
             for calm in options.calm:
                 finder = self._finder_of(self.values, calm)
@@ -181,7 +193,7 @@ class CandidateSearch:
                 tried += [one for one in map(self._spared_route, calmer) if one is not None]
         if not shortest and all(one.value is None for one in tried):
             quickest = self._finder.quickest(options.routes, options.distance)
-        tried += [self._made(route) for route in quickest]
+        tried += self._raced(raced) if shortest else [self._made(route) for route in quickest]
         if any(one.value is not None for one in tried):
             return Outcome.of(tried, None, shortest=shortest)
         more, why = self._spared_of(routes) if forceful else ([], self._too_fast())
@@ -201,7 +213,7 @@ class CandidateSearch:
         course, judged = finisher.course(finisher.path.knots), []
         for route in routes:
             q = finisher.closed(self._finder.postures(route), self.course)
-            q = finisher.closed(interpolated(self.course.phases, q, course.phases), course)
+            q = finisher.closed(spline_points(q, course.phases), course)
             strain = largest_strain(self._model, finisher.drive, course, q, self.duration)
             judged.append((strain, route))
         enough = 0.0 if finisher.shaper.shortest else 1.0 + HELD
@@ -212,6 +224,14 @@ class CandidateSearch:
         # A joint without limits may end some turns on.
         last = np.where(np.isfinite(self.held.last), q[-1], np.nan)
         return EndConditions(duration, self.held.first, last, self.finisher.path.closed)
+
+    @property
+    def _fixed(self) -> Mask:
+        """Joints that are known at the layers, (layers, N)."""
+        fixed = np.zeros((len(self.course), len(self.held.first)), dtype=bool)
+        fixed[0] = np.isfinite(self.held.first) | self.finisher.path.closed
+        fixed[-1] = np.isfinite(self.held.last) | self.finisher.path.closed
+        return fixed
 
     def _unheld(self) -> Obstruction | None:
         """The layer where no posture at all holds the object at rest, if that is asked."""
@@ -249,7 +269,7 @@ class CandidateSearch:
         """
         stage("shaping the motion")
         finisher, course = self.finisher, self.course
-        if finisher.shaper.shortest or not finisher.shaper.forceful:
+        if not finisher.shaper.forceful:
             return self._direct(route)
         q = finisher.closed(self._finder.postures(route), course)
         conditions = self.conditions(q, self.duration)
@@ -271,6 +291,36 @@ class CandidateSearch:
             made = self._direct(route)
         self._known.append((loose.q, made))
         return made
+
+    def _raced(self, routes: Sequence[Route]) -> list[Candidate]:
+        """The shortest motions of the routes that last the least time once they are straight."""
+        finisher, course, drive = self.finisher, self.course, self.finisher.drive
+        starts = []
+        for route in routes:
+            q = straight = finisher.closed(self._finder.postures(route), course)
+            if self._model.bodies is None:
+                # Bodies may be in the way of what is straight.
+                straight = straightened(self._model, course, q, self._fixed)
+            least = drive.least_duration(course, self._model.split(straight), self.duration)
+            starts.append((least if least > 0 else np.inf, straight, q, route))
+        starts.sort(key=lambda start: start[0])
+        tried: list[Candidate] = []
+        known: list[Array] = []
+        for least, straight, q, route in starts:
+            found = sum(one.value is not None for one in tried)
+            hopeless = least > self.options.hopeless * starts[0][0]
+            if found == self.options.raced or (found and hopeless):
+                break
+            if any(same_motion(straight, other) for other in known):
+                continue
+            stage("shaping the motion")
+            known.append(straight)
+            conditions = self.conditions(q, self.duration)
+            motion = finisher.shaper.quickest(course, q, conditions, self._met)
+            # It counts what it lasts as it is reported, by finite differences of few knots.
+            motion = finisher.shaper.lengthened(course, motion)
+            tried.append(self._valued(route, motion))
+        return tried
 
     def _direct(self, route: Route) -> Candidate:
         """The motion of a route itself."""

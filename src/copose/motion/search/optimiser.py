@@ -93,8 +93,9 @@ class MotionOptimiser:
 
     @property
     def kernels(self) -> tuple[Kernel, ...]:
-        """The objective's own program's, which may be compiled."""
-        return self._solver.task(MotionKind.BEST).kernels
+        """Those of the objective's own program and of the shortest's, which may be compiled."""
+        kinds = (MotionKind.BEST, *([MotionKind.SHORTEST] if self.shortest else []))
+        return tuple(kernel for kind in kinds for kernel in self._solver.task(kind).kernels)
 
     def smoothness(self, duration: float, calm: float = 0.0) -> float:
         """The cost of S, s²/rad² per unit of the objective, ``calm`` at least; where the shortest
@@ -102,9 +103,19 @@ class MotionOptimiser:
         """
         return max(self._smoothness, calm) * (duration**2 if self.shortest else 1.0)
 
-    def quickest(self, course: Course, q: Array, conditions: EndConditions) -> OptimisedMotion:
-        """The shortest motion near one, (n, N); ``conditions.duration`` is where it starts."""
-        return self._quickest(self._case(course, conditions), q)
+    def quickest(
+        self, course: Course, q: Array, conditions: EndConditions, met: list[Met] | None = None
+    ) -> OptimisedMotion:
+        """The shortest motion near one, (n, N), which lasts ``conditions.duration``.
+
+        Args:
+            course: at the knots.
+            q: to start from.
+            conditions: what it has to keep.
+            met: see `shaped`.
+        """
+        case = self._case(course, conditions)
+        return self._quickest(case if met is None else replace(case, met=met), q)
 
     def loose(
         self, course: Course, q: Array, conditions: EndConditions, *, calm: float = 0.0
@@ -164,7 +175,7 @@ class MotionOptimiser:
         return motion
 
     def _quickest(self, case: MotionRequest, q: Array) -> OptimisedMotion:
-        return self._solver.solved(replace(case, near=False, kind=MotionKind.SHORTEST), q)
+        return self._solver.solved(replace(case, kind=MotionKind.SHORTEST), q)
 
     def _timed(
         self, case: MotionRequest, q: Array, best: Callable[[MotionRequest, Array], OptimisedMotion]
@@ -177,7 +188,10 @@ class MotionOptimiser:
         quick = self._quickest(case, q)
         if not quick.converged:
             return quick
-        conditions = replace(case.conditions, duration=quick.duration * (1 + self._options.longer))
+        # As it is reported a motion lasts longer: that is the time that it may take.
+        least = self._least(case.course, quick)
+        duration = np.fmax(quick.duration * (1 + self._options.longer), least)
+        conditions = replace(case.conditions, duration=float(duration))
         smoothness = self.smoothness(conditions.duration)
         motion = best(replace(case, conditions=conditions, smoothness=smoothness), quick.q)
         # So little time to spare may leave too little room for a program.
@@ -223,25 +237,38 @@ class MotionOptimiser:
             conditions: what it had to keep.
         """
         case, options = self._case(course, conditions), self._options
-        for number in range(options.tightenings):
+        known = motion
+        for _ in range(options.tightenings):
             used = self._used(course, motion)
-            if not motion.converged or used.within:
-                return motion
-            if self.shortest and used.forces_within:
-                beyond = 1 + options.least_cut * 10.0 ** (number // 2)
-                longer = motion.duration * used.speeds.max() * beyond
-                motion = replace(motion, duration=float(longer))
-                continue
+            if not motion.converged or used.within or (self.shortest and used.forces_within):
+                break
             case = replace(
                 case,
                 speeds=case.speeds if self.shortest else case.speeds * self._left(used.speeds),
                 shares=case.shares * self._left(used.torques),
                 calm=case.calm * self._left(used.accelerations),
             )
-            motion = self._again(case, motion)
-        if self._used(course, motion).within:
+            motion = self._solver.solved(case, motion.q, motion.multipliers)
+        if self.shortest:
+            return self.lengthened(course, motion if motion.converged else known)
+        if not motion.converged or used.within:
             return motion
         return replace(motion, converged=False, status="Limits_Not_Kept", violated=("", 0, 0.0))
+
+    def lengthened(self, course: Course, motion: OptimisedMotion) -> OptimisedMotion:
+        """The same motion, in the least time in which it keeps limits."""
+        options = self._options
+        for number in range(options.tightenings):
+            least = self._least(course, motion)
+            if not least > motion.duration:
+                break
+            beyond = 1 + options.least_cut * 10.0 ** (number // 2)
+            motion = replace(motion, duration=least * beyond)
+        return motion
+
+    def _least(self, course: Course, motion: OptimisedMotion) -> float:
+        """The least time in which a motion as it is reported keeps limits, s."""
+        return self._drive.least_duration(course, self._model.split(motion.q), motion.duration)
 
     def keeps_limits(self, course: Course, motion: OptimisedMotion) -> bool:
         """True where speeds, accelerations and torques as they are reported keep limits."""
@@ -252,13 +279,6 @@ class MotionOptimiser:
         options, over = self._options, np.maximum(used - 1.0, 0.0)
         cut = np.minimum(options.excess * over, options.most_cut)
         return np.asarray(np.where(over > 0, 1 - cut - options.least_cut, 1.0))
-
-    def _again(self, case: MotionRequest, motion: OptimisedMotion) -> OptimisedMotion:
-        """The best motion of a tightened program, near the one before."""
-        if not self.shortest:
-            return self._solver.solved(case, motion.q, motion.multipliers)
-        conditions = replace(case.conditions, duration=motion.duration)
-        return self._timed(replace(case, conditions=conditions), motion.q, self._solver.solved)
 
     def _case(self, course: Course, conditions: EndConditions) -> MotionRequest:
         every = np.ones(len(course))

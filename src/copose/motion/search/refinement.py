@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from copose.motion.curve.between_knots import between_bodies
-from copose.motion.curve.differences import interpolated
-from copose.motion.curve.hermite import closed_at, opening
+from copose.motion.curve.hermite import closed_at, opening, spline_points
 from copose.motion.dynamics.rates import Driven, JointRates
 from copose.motion.nlp.constraint_generation import EndConditions
 from copose.motion.nlp.linear_rows import longest_step
@@ -89,7 +88,8 @@ class Refiner:
         options, count, kept = self.options, self.path.knots, conditions.margin
         while True:
             course, motion = self.course(count), best
-            if count != len(best.q) or self.shaper.kinked or conditions.margin > kept:
+            rough = self.shaper.kinked or self.shaper.shortest
+            if count != len(best.q) or rough or conditions.margin > kept:
                 again = conditions.margin > kept and not self.shaper.shortest
                 warm = best.multipliers if again else None
                 closed = self._resampled(best, course)
@@ -121,8 +121,7 @@ class Refiner:
 
     def _resampled(self, motion: OptimisedMotion, course: Course) -> Array:
         """A motion at other knots, (n, N), closed there."""
-        straight = interpolated(uniform(len(motion.q)), motion.q, course.phases)
-        return self.closed(straight, course)
+        return self.closed(spline_points(motion.q, course.phases), course)
 
     @property
     def _most_margin(self) -> float:
