@@ -11,6 +11,13 @@ import pytest
 import copose
 import path_problems
 from cells import planar
+from copose.cell.cell import Cell
+from copose.motion.curve.hermite import closed_at
+from copose.motion.curve.straightening import straightened
+from copose.motion.dynamics.rates import JointRates
+from copose.motion.path.knots import Course, uniform
+from copose.motion.path.request import asked
+from copose.posture.model import PostureModel
 from object_path import ObjectPath
 
 LENGTH, MASS, INERTIA, GRAVITY, LOAD = 0.4, 1.0, 0.03, 9.81, 0.5
@@ -208,3 +215,41 @@ def test_a_calm_motion_shows_what_acceleration_limits_allow(name: str, aggregate
     motion = copose.plan(copose.parse(cell))
     assert motion.status == "solved", motion.reason
     assert motion.objective.after >= calm.objective.after
+
+
+def test_the_least_duration_of_a_motion_is_where_its_largest_share_is_one() -> None:
+    problem = copose.parse(
+        with_limits(path_problems.hinged(), 20.0, 15.0, 8.0, dynamic_torque=True)
+    )
+    model = PostureModel(Cell.of(problem))
+    journey = asked(problem, problem.path, model.cell.arms)
+    drive, course = JointRates(model, journey, 1e-4), Course.of(model, journey, uniform(25))
+    motion = copose.plan(problem)
+    q = [np.array([knot.joints[name] for knot in motion.knots]) for name in ("a1", "a2")]
+    low, high = 0.05, 5.0
+    while high - low > 1e-7:
+        middle = (low + high) / 2
+        shares = drive.driven(course, q, middle).shares
+        low, high = (low, middle) if shares.max() <= 1 else (middle, high)
+    assert drive.least_duration(course, q, 2.0) == pytest.approx(high, rel=1e-5)
+    assert drive.least_duration(course, q, 3.0) == pytest.approx(high, rel=1e-5)
+
+
+def test_a_straightened_motion_is_closed_has_small_second_differences_and_keeps_its_ends() -> None:
+    problem = copose.parse(path_problems.hinged())
+    model = PostureModel(Cell.of(problem))
+    journey = asked(problem, problem.path, model.cell.arms)
+    course, rng = Course.of(model, journey, uniform(25)), np.random.default_rng(0)
+    motion = copose.plan(problem)
+    parts = [np.array([knot.joints[name] for knot in motion.knots]) for name in ("a1", "a2")]
+    smooth = np.hstack(parts)
+    rough = smooth + rng.uniform(-0.02, 0.02, smooth.shape)
+    rough = np.hstack(closed_at(model, journey, model.split(rough), course.phases))
+    fixed = np.zeros(rough.shape, dtype=bool)
+    fixed[0] = True
+    q = straightened(model, course, rough, fixed)
+    for i, joints in enumerate(model.split(q)):
+        assert np.abs(model.arms[i].gap(joints, course.goals[i])[:, :2]).max() < 1e-9
+    assert q[0] == pytest.approx(rough[0], abs=1e-12)
+    bend, best = (np.square(np.diff(motion_, 2, axis=0)).sum() for motion_ in (q, rough))
+    assert bend < 0.05 * best

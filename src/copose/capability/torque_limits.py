@@ -273,7 +273,7 @@ class Dynamics:
             axis=1,
         )
         if most < np.inf:
-            # In proportion: t, of whatever unit, is to be no larger than all that there is.
+            # Over the bound: rows are to be of one size.
             last = np.zeros((len(A), 1, A.shape[2]))
             last[:, :, 0] = 1.0 / most
             A, b = np.concatenate([A, last], axis=1), np.hstack([b, np.ones((len(b), 1))])
