@@ -27,8 +27,16 @@ from copose.poses import Array
 from copose.posture.feasibility import Feasibility
 from copose.posture.score import Score
 from copose.posture.setting import Setting
+from copose.posture.solvers.active_set import NewtonOptions
 from copose.posture.solvers.newton import ArmGroup, Polisher
 from copose.posture.solvers.nlp import PostureProgram
+from copose.posture.solvers.placed_newton import (
+    PlacedArm,
+    PlacedCase,
+    PlacedKernels,
+    PlacedPolisher,
+    Variables,
+)
 from copose.results import LinkRecord, link_records
 from copose.self_motion.kernels import ArmKernels, KernelInputsBuilder, terms_kernel
 from copose.self_motion.manifold import ClosureManifold
@@ -42,6 +50,8 @@ class PostureModel:
         objective: what is maximised.
         arms: kernels by arm; arms of one model share them.
         score: of the sums of the arms' terms.
+        placed: kernels with everything that is free, where it is more than joints and the score
+            can be climbed.
         meter: measures what is reported.
         capacity: what torque limits allow, where they matter.
         feasibility: tests of the constraints.
@@ -72,6 +82,9 @@ class PostureModel:
         self._nominal = None if self.capacity is None else self.capacity.holding(cell)
         numbers = len(self.objective.parameters(self._nominal))
         self.score = Score(cell, self.objective, numbers, constraints)
+        alone = not len(self.places.freedom) and not cell.problem.cases
+        placed = not alone and self.objective.summable
+        self.placed = PlacedKernels(self.places, self.objective, numbers) if placed else None
         self.meter = Meter(cell, self.objective, self.capacity)
         self.bodies = self.every_body if cell.problem.constraints.collision else None
         self._built: dict[tuple[bool, Apart | None], PostureProgram] = {}
@@ -80,6 +93,7 @@ class PostureModel:
             *(kernel for model in dict.fromkeys(self.arms) for kernel in model.all),
             *(kernel for terms in self._ruling_out for kernel in terms.kernels),
             *self.score.all,
+            *(() if self.placed is None else self.placed.all),
             self._placer.kernel,
             *(() if self.capacity is None else self.capacity.kernels),
         )
@@ -227,7 +241,31 @@ class PostureModel:
                     upper=np.array([setting.upper[i] for i, _ in members]),
                 )
             )
-        return Polisher(groups, self.score, setting.given, rest)
+        return Polisher(groups, NewtonOptions(), self.score, setting.given, rest)
+
+    def placed_polisher(
+        self, settings: Sequence[Setting], weights: Sequence[float]
+    ) -> PlacedPolisher:
+        """An active-set method over everything that is free, in all cases as the file has them."""
+        assert self.placed is not None
+        places, cell = self.places, self.cell
+        arms = zip(self.arms, self.placed.arms, self.objective.scales, strict=True)
+        joints = len(settings) * cell.system.q.numel()
+        free = places.parted(np.arange(joints, joints + places.size, dtype=float))
+        cases = [
+            PlacedCase(
+                places.freedom.numbers(setting.cell),
+                setting.given[len(setting.placement.inertia) :],
+                weight,
+                columns.astype(np.intp),
+            )
+            for setting, weight, columns in zip(settings, weights, free, strict=True)
+        ]
+        bounds = zip(*(setting.bounds for setting in settings), places.bounds, strict=True)
+        limits = Variables.of(*(np.concatenate(ends) for ends in bounds))
+        placed = [PlacedArm(*arm) for arm in arms]
+        options = NewtonOptions(iterations=30)
+        return PlacedPolisher([limits], options, self.placed, placed, cases)
 
     def manifold(self, setting: Setting, i: int) -> ClosureManifold:
         """Closed postures of arm i within its limits."""

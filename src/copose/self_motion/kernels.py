@@ -105,6 +105,30 @@ def terms_kernel(arm: ArmMechanics, sums: Sums) -> Kernel:
     return Kernel(arm.q, tied, terms)
 
 
+def placed_kernel(arm: ArmMechanics, sums: Sums) -> Kernel:
+    """The kernel of an arm whose goal and tie move too.
+
+    Of (q, weights), a goal and a tie: the terms, the derivative of the closure by q and by the
+    goal, row by row, and the gradients of weightsᵀ terms by q and by the tie,
+    (s + m·n + 7m + n + t,).
+    """
+    goal = Goal(ca.SX.sym("position", 3), ca.SX.sym("quaternion", 4))
+    place = ca.vertcat(goal.position, goal.quaternion)
+    residual = arm.closure(goal)
+    tied, terms = _terms(arm, sums)
+    weights = ca.SX.sym("weights", terms.numel())
+    total = ca.dot(weights, terms)
+    by_q, by_goal = ca.jacobian(residual, arm.q), ca.jacobian(residual, place)
+    return Kernel(
+        ca.vertcat(arm.q, weights),
+        ca.vertcat(place, tied),
+        ca.vertcat(
+            terms, ca.vec(by_q.T), ca.vec(by_goal.T), ca.gradient(total, arm.q),
+            ca.gradient(total, tied),
+        ),
+    )  # fmt: skip
+
+
 def _terms(arm: ArmMechanics, sums: Sums) -> tuple[ca.SX, ca.SX]:
     """The tie of an arm, its coupling and torque scale, and its terms of the sums."""
     coupling = Coupling.symbols(arm.space)

@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from copose.poses import Array, Mask
+from copose.poses import Array, Indices, Mask
+
+_RANK = 1e-9  # ratio of a singular value to the largest that counts as zero
+_DOUBT = 1e-6  # ratio of diagonal entries of R below which singular values tell the rank
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,18 +27,16 @@ class Tangent:
 
     @classmethod
     def of(cls, J: Array, slope: Array, held: Mask) -> Tangent:
-        """The tangent spaces from singular value decompositions of J without held joints."""
-        rank = 1e-9  # ratio of a singular value to the largest that counts as zero
-        any_held = held.any()
-        U, s, V = np.linalg.svd(np.where(held[:, None], 0.0, J) if any_held else J)
-        k = s.shape[1]
-        inverse = np.zeros_like(s)
-        np.divide(1.0, s, out=inverse, where=s > rank * s[:, :1])
-        along = (V[:, :k] @ slope[:, :, None])[:, :, 0] * inverse
-        forces = (along[:, None] @ U[:, :, :k].swapaxes(1, 2))[:, 0]
-        left = slope - (forces[:, None] @ J)[:, 0]
-        basis = _free_part(V[:, k:], held) if any_held else V[:, k:]
-        return cls(J, slope, held, basis, forces, left)
+        """The tangent spaces from QR decompositions of Jᵀ without held joints; where the rank is in
+        doubt, from singular value decompositions.
+        """
+        any_held = bool(held.any())
+        moving = np.where(held[:, None], 0.0, J) if any_held else J
+        basis, forces, sound = _by_reflections(moving, slope, held if any_held else None)
+        if not sound.all():
+            rows = ~sound
+            basis[rows], forces[rows] = _by_singular_values(moving[rows], slope[rows], held[rows])
+        return cls(J, slope, held, basis, forces, slope - (forces[:, None] @ J)[:, 0])
 
     def released(self, outward: Array) -> Tangent:
         """The same with the held joints let go that gain by leaving their limits, the most first.
@@ -45,8 +46,6 @@ class Tangent:
         """
         tangent = self
         for _ in range(self.held.shape[1]):
-            if not tangent.held.any():
-                break
             pull = np.where(tangent.held, -outward * tangent.left, 0.0)
             worst = pull.argmax(axis=1)
             wrong = np.flatnonzero(pull[np.arange(len(pull)), worst] > 1e-9)
@@ -54,12 +53,21 @@ class Tangent:
                 break
             held = tangent.held.copy()
             held[wrong, worst[wrong]] = False
-            tangent = Tangent.of(self.J, self.slope, held)
+            tangent = tangent._with(held, wrong)
         return tangent
 
     def holding(self, more: Mask) -> Tangent:
         """The same with more joints held, (count, n)."""
-        return Tangent.of(self.J, self.slope, self.held | more) if more.any() else self
+        return self._with(self.held | more, np.flatnonzero(more.any(axis=1)))
+
+    def _with(self, held: Mask, rows: Indices) -> Tangent:
+        """The same with other joints held in some rows."""
+        if len(rows) == len(held):
+            return Tangent.of(self.J, self.slope, held)
+        new = Tangent.of(self.J[rows], self.slope[rows], held[rows])
+        basis, forces, left = self.basis.copy(), self.forces.copy(), self.left.copy()
+        basis[rows], forces[rows], left[rows] = new.basis, new.forces, new.left
+        return Tangent(self.J, self.slope, held, basis, forces, left)
 
     def taken(self, rows: Mask) -> Tangent:
         """The tangent spaces of some arms."""
@@ -67,6 +75,48 @@ class Tangent:
             self.J[rows], self.slope[rows], self.held[rows], self.basis[rows], self.forces[rows],
             self.left[rows],
         )  # fmt: skip
+
+
+def _by_reflections(J: Array, slope: Array, held: Mask | None) -> tuple[Array, Array, Mask]:
+    """Bases and multipliers by QR decompositions, and where they can be trusted.
+
+    Held joints join Jᵀ as unit columns, so that what is orthogonal to all columns moves none.
+    """
+    count, m, n = J.shape
+    if n < m:
+        nothing = np.zeros((count, 0, n)), np.zeros((count, m))
+        return *nothing, np.zeros(count, dtype=bool)
+    columns = J.swapaxes(1, 2)
+    if held is not None:
+        stopped = held.sum(axis=1)
+        order = np.argsort(~held, axis=1, kind="stable")[:, : stopped.max()]
+        units = np.zeros((count, n, order.shape[1]))
+        np.put_along_axis(units, order[:, None], 1.0, axis=1)
+        units *= np.arange(order.shape[1]) < stopped[:, None, None]
+        columns = np.concatenate([columns, units], axis=2)
+    Q, R = np.linalg.qr(columns, mode="complete")
+    R = R[:, :m, :m]
+    size = np.abs(np.diagonal(R, axis1=1, axis2=2))
+    sound = size.min(axis=1) > _DOUBT * size.max(axis=1)
+    R[~sound] = np.eye(m)
+    along = (slope[:, None] @ Q[:, :, :m]).swapaxes(1, 2)
+    basis = Q[:, :, m:].swapaxes(1, 2).copy()
+    if held is not None:
+        basis[np.arange(n - m) < stopped[:, None]] = 0.0
+        # To the last bit: a held joint has no room to move by a rounding error.
+        basis *= ~held[:, None]
+    return basis, np.linalg.solve(R, along)[:, :, 0], np.asarray(sound)
+
+
+def _by_singular_values(J: Array, slope: Array, held: Mask) -> tuple[Array, Array]:
+    """Bases and multipliers of least norm by singular value decompositions, of any rank."""
+    U, s, V = np.linalg.svd(J)
+    k = s.shape[1]
+    inverse = np.zeros_like(s)
+    np.divide(1.0, s, out=inverse, where=s > _RANK * s[:, :1])
+    along = (V[:, :k] @ slope[:, :, None])[:, :, 0] * inverse
+    forces = (along[:, None] @ U[:, :, :k].swapaxes(1, 2))[:, 0]
+    return _free_part(V[:, k:], held), forces
 
 
 def _free_part(null: Array, held: Mask) -> Array:

@@ -13,7 +13,7 @@ from copose.posture.local.nlp_cuts import NlpCuts
 from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum
 from copose.posture.setting import Setting
-from copose.posture.solvers.newton import Polished
+from copose.posture.solvers.active_set import Polished
 from copose.posture.solvers.nlp import LocalSolve
 from copose.progress import attained, stage
 from copose.selection import far_apart_rows

@@ -80,7 +80,7 @@ class PlacementNlp:
                 self.failures.append(solved)
                 return None
             end = self._evaluated(solved.q)
-            way = float(np.abs(solved.q - self._stacked(origin)).max())
+            way = float(np.abs(solved.q - self.stacked(origin)).max())
             return ProgramEnd(end, end.value, way, self._violated(end, cuts))
 
         def accepts(step: ProgramEnd[Placed, list[Cuts]], best: float, _: bool) -> bool:
@@ -88,20 +88,26 @@ class PlacementNlp:
 
         return generate(start, start.value, self._cuts(start), solve, accepts, generation)
 
-    def _stacked(self, placed: Placed) -> Array:
+    def stacked(self, placed: Placed) -> Array:
         """A placement as the variables of the program."""
         return np.concatenate([*placed.q, self._places.joined(placed.x)])
 
-    def _evaluated(self, variables: Array) -> Placed:
-        """The placement, with its value, of the variables of the program."""
+    def placed(self, variables: Array, value: float = -np.inf, count: int = 1) -> Placed:
+        """The placement of the variables of the program."""
         size = self._places.size
         q = np.split(variables[: len(variables) - size], len(self._cases))
         x = self._places.parted(variables[len(variables) - size :])
+        return Placed(tuple(x), tuple(q), value, count)
+
+    def _evaluated(self, variables: Array) -> Placed:
+        """The placement, with its value, of the variables of the program."""
+        end = self.placed(variables)
         values = [
-            self._model.objectives(self.setting(k, x[k]), q_k[None])[0] for k, q_k in enumerate(q)
+            self._model.objectives(self.setting(k, x), q[None])[0]
+            for k, (x, q) in enumerate(zip(end.x, end.q, strict=True))
         ]
         total = float(np.dot(self._weights, values))
-        return Placed(tuple(x), tuple(q), total if np.isfinite(total) else -np.inf)
+        return replace(end, value=total) if np.isfinite(total) else end
 
     def _cuts(self, placed: Placed) -> list[Cuts]:
         """Demands of the objective that count in each case."""
@@ -142,7 +148,7 @@ class PlacementNlp:
             numbers.append(np.concatenate([*parameters, setting.placement.inertia]))
             slack.append(extra[0])
         places = [self._places.freedom.numbers(cell) for cell in self._cases]
-        start = self._stacked(origin)
+        start = self.stacked(origin)
         lower, upper = self._box(settings, start, room)
         near = [programs.near(s, q) for s, q in zip(settings, origin.q, strict=True)]
         end = None

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from importlib import import_module
+from itertools import product
 
 import numpy as np
 
 from copose.cell.cell import Cell
 from copose.cell.variables import Places
+from copose.low_discrepancy import points
 from copose.poses import Array
 from copose.posture.placement.placed import FreePoses
-from copose.progress import heed
 from copose.robots import finite_range
 
 
 class PlacementSampler:
     """Draws placements: values of the free coordinates of all cases."""
+
+    _cornered = 6  # free coordinates at most of which all corners are tried
 
     def __init__(self, places: Places, cases: Sequence[Cell], seed: int) -> None:
         """A sampler of what is free, for the cell in every case."""
@@ -35,18 +37,20 @@ class PlacementSampler:
 
     def scattered(self, count: int, turn: int) -> Array:
         """Points evenly scattered over the ranges, (count, d); ``turn`` tells such sets apart."""
-        # What scipy.stats loads, and itself: all at once that takes longer than a call may that has
-        # to end.
-        parts = "linalg", "sparse", "special", "spatial", "optimize", "interpolate", "stats"
-        for part in parts:
-            heed()
-            import_module(f"scipy.{part}")
-        from scipy.stats import qmc
-
-        rng = np.random.default_rng([self._seed, 8, turn])
-        points = qmc.Sobol(len(self._freedom), seed=rng).random_base2(int(np.log2(count - 1)) + 1)
         low, high = self._freedom.lower, self._freedom.upper
-        return np.asarray(low + points[:count] * (high - low))
+        rng = np.random.default_rng([self._seed, 8, turn])
+        return np.asarray(low + points(count, len(low), rng) * (high - low))
+
+    @property
+    def grid(self) -> Array:
+        """Centre, face centres and corners of the ranges, (count, d): optima like to lie there."""
+        d, halves = len(self._freedom), np.eye(len(self._freedom)) / 2
+        every = [np.full((1, d), 0.5), 0.5 - halves, 0.5 + halves]
+        if 1 < d <= self._cornered:
+            every.append(np.array(list(product((0.0, 1.0), repeat=d))))
+        low, high = self._freedom.lower, self._freedom.upper
+        share = np.vstack(every)
+        return np.asarray((1 - share) * low + share * high)
 
     def around(self, xs: FreePoses, count: int, near: float) -> Iterator[FreePoses]:
         """Placements drawn around one, within this share of the ranges."""

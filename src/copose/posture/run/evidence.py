@@ -61,7 +61,7 @@ def search_record(
         bound=outcome.bound,
         gap=gap,
         starts=outcome.starts,
-local_optima=optima,
+        local_optima=optima,
         basins=BasinRecord.of(optima, value, outcome.met),
         failures=failure_records(outcome.failures),
         verification=verification,

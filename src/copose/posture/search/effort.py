@@ -28,19 +28,31 @@ class CombinationOptions:
 class PlacementOptions:
     """Options of a search that moves the object, bases or grasps too."""
 
-    one: int = 32  # placements with one free coordinate, twice as many with each more
-    most: int = 128  # placements at most
-    climbed: int = 96  # postures that are climbed from with everything free
+    one: int = 16  # placements with one free coordinate, twice as many with each more
+    most: int = 64  # placements at most
+    climbed: int = 96  # postures that are climbed from with everything free, each by a program
+    raced: int = 400  # the same where Newton steps climb from all at once
+    # Steps after which no more climbs go on than so many; and alike where ends are searched anew.
+    race: tuple[tuple[int, int], ...] = ((6, 160), (10, 80), (14, 40), (18, 20))
+    last_race: tuple[tuple[int, int], ...] = ((3, 48), (6, 24), (10, 12), (14, 8))
+    finished: int = 8  # ends of Newton steps that programs go on from, at most
     costly: int = 2  # times fewer of both where a climb takes many programs
     glanced: int = 3  # climbs at each placement where each takes a program
     insistence: int = 3  # times as many placements are drawn where hardly half let the arms close
     few: float = 0.25  # share of placements with closed arms below which others are looked for
     rounds: int = 4  # of searching anew where climbs ended
-    ends: int = 3  # best ends of several cases around which a round searches
+    ends: int = 8  # best ends of different placements at which a round searches
+    searched: int = 4  # of them, at which postures are sampled anew
+    one_place: float = 0.02  # of the ranges, by which such placements differ
     around: int = 8  # placements drawn around the best end
     near: float = 0.1  # of the ranges within which they are drawn
+    other: float = 0.1  # rad or m, by which a posture differs for which an end exchanges its own
+    exchanged: int = 4  # postures of one arm at most for which an end exchanges its own
     best_around: int = 2  # of them that are climbed from
-    of_each: int = 4  # starts of one placement; best postures of a case that are combined
+    looked_through: int = 256  # combinations of a placement in which differing ones are looked for
+    near_best: float = 1e-2  # of the best, within which such an end matters
+    of_each: int = 8  # starts of one placement; best postures of a case that are combined
+    of_each_end: int = 4  # the same where climbs have ended
     multiplied: int = 4  # cases at most of which all combinations of the best are tried
     differing: float = 0.3  # rad, m or share of a range: starts that differ by less count as one
     same: float = 1e-3  # alike, of ends

@@ -21,16 +21,23 @@ from copose.self_motion.kernels import ArmKernels
 from copose.self_motion.sampling import ArmSample, ArmSampler, held_sample, sample_together
 
 
-def search(model: PostureModel, setting: Setting, seed: int, effort: Effort) -> SearchOutcome:
+def search(
+    model: PostureModel,
+    setting: Setting,
+    seed: int,
+    effort: Effort,
+    samples: tuple[ArmSample, ...] | None = None,
+) -> SearchOutcome:
     """Find the local optima of a cell, the best of them first.
 
-    Where the call has to end the outcome is what is known, once every arm's postures are.
+    Where the call has to end the outcome is what is known, once every arm's postures are. Without
+    samples of the arms' self-motions these are drawn.
 
     Raises:
         StoppedError: the call has to end, and nothing is known.
     """
-    samples = _sampled(model, setting, seed, effort)
-    if not all(len(sample.closed) for sample in samples):
+    samples = sampled(model, setting, seed, effort) if samples is None else samples
+    if len(samples) < len(model.arms) or not all(len(sample.closed) for sample in samples):
         return SearchOutcome(samples)
     arms = ArmPostures.of(samples)
     climbs = LocalSearches(model, replace(setting, bodies=None), effort.polished, effort.climbing)
@@ -40,7 +47,7 @@ def search(model: PostureModel, setting: Setting, seed: int, effort: Effort) -> 
     return _among_bodies(model, setting, outcome, arms, seed, effort)
 
 
-def _sampled(
+def sampled(
     model: PostureModel, setting: Setting, seed: int, effort: Effort
 ) -> tuple[ArmSample, ...]:
     """Samples of the arms' self-motions."""
