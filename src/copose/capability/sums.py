@@ -7,10 +7,11 @@ its own joints alone. So an arm's part is evaluated once for each of its posture
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 import casadi as ca
+import numpy as np
 
 from copose.mechanics import ArmMechanics, Coupling, System
 from copose.poses import Array
@@ -90,3 +91,55 @@ def symmetric(entries: ca.SX, a: int) -> ca.SX:
 def column(scale: Array | ca.SX) -> ca.DM | ca.SX:
     """Torque scales as they divide the rows of an expression."""
     return scale if isinstance(scale, ca.SX) else ca.DM(scale)
+
+
+# The same entries of many matrices as numbers, (s, count).
+
+
+def _places(entries: Array) -> Iterator[tuple[int, int]]:
+    a = dimension(entries)
+    return ((i, j) for i in range(a) for j in range(i, a))
+
+
+def dimension(entries: Array) -> int:
+    """The dimension of matrices by the number of entries of their upper triangles."""
+    return int(np.sqrt(2 * len(entries)))
+
+
+def log_dets(entries: Array) -> Array:
+    """Log det of matrices, NaN where they are not positive definite, (count,)."""
+    a, at = dimension(entries), dict(zip(_places(entries), entries.copy(), strict=True))
+    total = np.zeros(entries.shape[1])
+    for k in range(a):
+        pivot = np.where(at[k, k] > 0, at[k, k], np.nan)
+        total += np.log(pivot)
+        for i in range(k + 1, a):
+            scaled = at[k, i] / pivot
+            for j in range(i, a):
+                at[i, j] -= scaled * at[k, j]
+    return total
+
+
+def traces(H: Array, G: Array) -> Array:
+    """Tr(H G) of symmetric matrices, (s, count) and (…, s, count): (…, count)."""
+    twice = np.array([1.0 if i == j else 2.0 for i, j in _places(H)])
+    return np.asarray(np.einsum("s,sn,...sn->...n", twice, H, G))
+
+
+def squares(vectors: Array) -> Array:
+    """Entries of v vᵀ, of vectors (a, count)."""
+    rows, columns = np.triu_indices(len(vectors))
+    return np.asarray(vectors[rows] * vectors[columns])
+
+
+def matrices(entries: Array) -> Array:
+    """The symmetric matrices, (count, a, a)."""
+    rows, columns = np.triu_indices(dimension(entries))
+    whole = np.empty((entries.shape[1], rows[-1] + 1, rows[-1] + 1))
+    whole[:, rows, columns] = whole[:, columns, rows] = entries.T
+    return whole
+
+
+def extreme_vector(entries: Array, which: int) -> Array:
+    """Entries of v vᵀ, v the eigenvector of the least eigenvalue (0) or the largest (−1)."""
+    return squares(np.linalg.eigh(matrices(entries))[1][:, :, which].T)

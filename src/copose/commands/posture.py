@@ -14,6 +14,7 @@ from copose.commands.terminal.answer import (
     write_interrupted,
 )
 from copose.commands.terminal.interrupts import on_interrupt
+from copose.commands.terminal.number_types import positive
 from copose.commands.terminal.options import add_objective, add_outputs, add_search
 from copose.commands.terminal.parser import Command, CommandParser
 from copose.commands.terminal.problem_input import prepare
@@ -45,6 +46,10 @@ class SolveCommand(Command):
             help="search again, another seed and twice the effort, and say whether the answer "
             "stands",
         )  # fmt: skip
+        parser.add_argument(
+            "--prove", type=positive, nargs="?", const=1e-6, metavar="EPS",
+            help="prove that no posture beats the answer by more than EPS (default: 1e-6)",
+        )  # fmt: skip
 
     def run(self, arguments: argparse.Namespace) -> int:
         """See `Command.run`."""
@@ -58,6 +63,7 @@ class SolveCommand(Command):
                     seed=arguments.seed,
                     effort=arguments.effort,
                     verify=arguments.verify,
+                    prove=arguments.prove,
                     time_limit=arguments.time_limit,
                 )
             if watch.interrupted:

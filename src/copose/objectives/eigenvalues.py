@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from copose.capability import Ellipsoid
+from copose.capability.sums import extreme_vector, traces
 from copose.constraints.constraint import equality
 from copose.objectives.ellipsoid import EllipsoidMeasure
 from copose.objectives.objective import Term
@@ -24,6 +25,11 @@ class WorstDirection(EllipsoidMeasure):
     def of_grams(self, grams: Array) -> Array:
         """Values by the largest eigenvalues."""
         return np.asarray(np.linalg.eigvalsh(grams)[:, -1] ** -0.5)
+
+    def upper_bounds(self, corners: Array, M_o: Array) -> Array:
+        """λ_max(G) ≥ vᵀG v, v its vector in the middle."""
+        least = traces(extreme_vector(corners[:, 0].mean(axis=0), -1), corners[:, 0]).min(axis=0)
+        return np.asarray(np.where(least > 0, least, np.nan) ** -0.5)
 
     def formulate(self, gram: ca.SX, numbers: ca.SX) -> Term:
         """Minimise s subject to G ⪯ eˢI: eigenvalues meet at the optimum, their bound is smooth."""
@@ -50,6 +56,19 @@ class Isotropy(EllipsoidMeasure):
         values = np.linalg.eigvalsh(grams)
         with np.errstate(invalid="ignore"):
             return np.asarray(np.sqrt(values[:, 0] / values[:, -1]))
+
+    def bound_sides(self, *, sliced: bool) -> tuple[tuple[int, bool], ...]:
+        """G from both sides."""
+        return ((0, False), (0, True)) if self.form.n_terms == 1 else ()
+
+    def upper_bounds(self, corners: Array, M_o: Array) -> Array:
+        """λ_min ≤ uᵀG u and λ_max ≥ vᵀG v, u and v their vectors in the middle; a quotient of
+        linear functions is largest at a corner.
+        """
+        above, below = (traces(extreme_vector(corners[:, side].mean(axis=0), side - 1),
+                               corners[:, side]) for side in (1, 0))  # fmt: skip
+        quotient = np.where((below > 0) & (above > 0), above, np.nan) / np.abs(below)
+        return np.asarray(np.sqrt(quotient.max(axis=0)))
 
     def formulate(self, gram: ca.SX, numbers: ca.SX) -> Term:
         """Minimise s + t subject to G ⪯ eˢI and G⁻¹ ⪯ eᵗI."""

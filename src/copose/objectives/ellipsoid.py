@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from copose.capability import Ellipsoid, Form, log_ball_volume, log_det
+from copose.capability.sums import dimension, log_dets, matrices, squares, traces
 from copose.cell.context import PostureContext
 from copose.cell.dynamics import CellDynamics, Holding
 from copose.mechanics import System
@@ -71,6 +72,10 @@ class EllipsoidMeasure(Objective):
         """Values by G."""
         return self._of_sound(context.grams(sums))
 
+    def bound_sides(self, *, sliced: bool) -> tuple[tuple[int, bool], ...]:
+        """G from below: most measures fall as G grows."""
+        return ((0, False),) if self.form.n_terms == 1 else ()
+
     def _of_sound(self, grams: Array) -> Array:
         values = np.full(len(grams), np.nan)
         sound = np.isfinite(grams).all(axis=(1, 2))
@@ -127,6 +132,23 @@ class Volume(EllipsoidMeasure):
         """The measure itself, which is smooth."""
         return smooth_term(log_ball_volume(gram.shape[0]) - log_det(gram) / 2, gram)
 
+    def bound_sides(self, *, sliced: bool) -> tuple[tuple[int, bool], ...]:
+        """G from below; torque-optimally, of all axes, S from below and R from above."""
+        if self.form.n_terms == 1:
+            return ((0, False),)
+        return () if sliced else ((0, False), (1, True))
+
+    def upper_bounds(self, corners: Array, M_o: Array) -> Array:
+        """−½ log det G is convex; of −log det S + ½ log det R the second is below its tangent."""
+        ball = log_ball_volume(dimension(corners[0, 0]))
+        if corners.shape[1] == 1:
+            return np.asarray(ball - np.min([log_dets(G) for (G,) in corners], axis=0) / 2)
+        middle = np.asarray(corners[:, 1].mean(axis=0))
+        rows, columns = np.triu_indices(dimension(middle))
+        inverse = np.asarray(np.linalg.inv(matrices(middle)))[:, rows, columns].T
+        falls = [log_dets(S + M_o[:, None]) - traces(inverse, R - middle) / 2 for S, R in corners]
+        return np.asarray(ball + log_dets(middle) / 2 - np.min(falls, axis=0))
+
 
 class TaskCompatibility(EllipsoidMeasure):
     """Σ_j w_j log d(u_j), d(u) = (uᵀG u)^(−1/2) (after S. L. Chiu, 1988)."""
@@ -149,6 +171,21 @@ class TaskCompatibility(EllipsoidMeasure):
         forms = np.einsum("ka,nab,kb->nk", self.directions, grams, self.directions)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(-0.5 * np.log(forms) @ self.weights)
+
+    def bound_sides(self, *, sliced: bool) -> tuple[tuple[int, bool], ...]:
+        """G from both sides."""
+        return ((0, False), (0, True)) if self.form.n_terms == 1 else ()
+
+    def upper_bounds(self, corners: Array, M_o: Array) -> Array:
+        """−½ w log(uᵀG u) is convex for w > 0, and else below its tangent in the middle."""
+        bound = np.zeros((len(corners), corners.shape[3]))
+        for u, w in zip(self.directions, self.weights, strict=True):
+            forms = traces(squares(u[:, None]), corners[:, int(w < 0)])
+            middle = forms.mean(axis=0)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                tangent = np.log(middle) + forms / middle - 1
+                bound -= w / 2 * (np.log(forms) if w > 0 else tangent)
+        return np.asarray(bound.max(axis=0))
 
     def formulate(self, gram: ca.SX, numbers: ca.SX) -> Term:
         """The measure itself, which is smooth."""

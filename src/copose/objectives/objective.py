@@ -165,6 +165,27 @@ class Objective(ABC):
         """
         return None
 
+    # A bound over whole cells of postures.
+
+    def bound_sides(self, *, sliced: bool) -> tuple[tuple[int, bool], ...]:
+        """The matrices of the arms' terms by which `upper_bounds` bounds it: their numbers, and
+        whether from above; none where no bound is known. ``sliced``: some axes alone count.
+        """
+        return ()
+
+    def upper_bounds(self, corners: Array, M_o: Array) -> Array:
+        """Bounds of the values on cells of postures, NaN where there is none, (count,).
+
+        A cell is a segment of each arm's self-motions. What is convex in the sums, and falls where
+        they grow, is largest at a corner.
+
+        Args:
+            corners: sums over the arms of matrices that, interpolated, are below theirs in
+                Loewner's order, or above: entries of upper triangles, (corners, sides, s, count).
+            M_o: entries of the object's inertia, (s,).
+        """
+        raise NotImplementedError(self.kind)
+
     # Expressions.
 
     @abstractmethod

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from numbers import Integral
+from numbers import Integral, Real
 from typing import TypeAlias
 
 import numpy as np
@@ -15,6 +15,7 @@ from copose.errors import InputError, nearest
 from copose.poses import Array
 from copose.posture.placement.placed import Placed
 from copose.posture.search.effort import EFFORTS, Effort, EffortName
+from copose.proof.proof import SMALLEST
 from copose.results import Solution
 
 Warm: TypeAlias = Solution | Mapping[str, Sequence[float]]
@@ -29,6 +30,16 @@ def check_seed(seed: int | None) -> None:
     """
     if seed is not None and not (isinstance(seed, Integral) and 0 <= seed < 2**63):
         raise InputError(f"{seed!r} is no whole number from 0 to 2⁶³ − 1", key="seed")
+
+
+def check_epsilon(epsilon: float | None) -> None:
+    """Refuse an ε that cannot be proved.
+
+    Raises:
+        InputError: it is no number, or below what rounding allows.
+    """
+    if epsilon is not None and not (isinstance(epsilon, Real) and SMALLEST <= epsilon < np.inf):
+        raise InputError(f"{epsilon!r} is no number from {SMALLEST:g} on", key="prove")
 
 
 def effort_of(effort: EffortName | Effort) -> Effort:

@@ -20,6 +20,7 @@ from copose.poses import Array
 from copose.posture.arguments import (
     Warm,
     arm_called,
+    check_epsilon,
     check_seed,
     effort_of,
     postures_of,
@@ -109,6 +110,7 @@ class Planner:
         seed: int | None = None,
         effort: EffortName | Effort = "normal",
         verify: bool = False,
+        prove: float | None = None,
         progress: Tell | None = None,
         time_limit: float | None = None,
     ) -> Solution:
@@ -125,6 +127,8 @@ class Planner:
                 spare.
             verify: search again with another seed and twice the effort, and say whether the answer
                 stands.
+            prove: ε, from 1e-9 on in the objective's unit: prove that no posture beats the answer
+                by more, as ``search.proof`` says; see `copose manual proof`.
             progress: called with a `copose.Progress` as stages begin and the best so far grows.
             time_limit: s; the best found by then is the answer, with a note, or ``failed`` where
                 there is none yet. Answers under a limit may differ from run to run.
@@ -137,6 +141,7 @@ class Planner:
             InputError: an argument is not what it should be.
         """
         check_seed(seed)
+        check_epsilon(prove)
         tried = effort_of(effort)
         if problem is not None and not self.fits(problem):
             raise InputError("differs in more than parameters; build a planner for it")
@@ -155,7 +160,7 @@ class Planner:
             )
             try:
                 self._model.compiled()
-                return self._answer(run, warm, tried, verify)
+                return self._answer(run, warm, tried, verify, prove)
             except StoppedError as stop:
                 with sheltered():
                     return unfound(setting.cell, setting.objective, stop, run.timing)
@@ -166,6 +171,7 @@ class Planner:
         warm: Warm | None,
         effort: Effort,
         verify: bool,
+        prove: float | None,
     ) -> Solution:
         """The answer of a run from a warm posture, if there is one, or of a search."""
         cell = run.cell
@@ -175,11 +181,12 @@ class Planner:
 
             placed = PlacedRun(run)
         if warm is not None:
-            if verify:
-                raise InputError(
-                    "searches everything; from a warm posture one local optimum is sought",
-                    key="verify",
-                )
+            for key, asked in (("verify", verify), ("prove", prove is not None)):
+                if asked:
+                    raise InputError(
+                        "searches everything; from a warm posture one local optimum is sought",
+                        key=key,
+                    )
             solution = (
                 run.follow(cell.given(warm_joints(warm)))
                 if placed is None
@@ -187,7 +194,9 @@ class Planner:
             )
             if solution is not None:
                 return solution
-        return run.search(effort, verify) if placed is None else placed.search(effort, verify)
+        if placed is None:
+            return run.search(effort, verify, prove)
+        return placed.search(effort, verify, prove)
 
     @one_at_a_time
     def polish(
@@ -430,6 +439,7 @@ def solve(
     seed: int | None = None,
     effort: EffortName | Effort = "normal",
     verify: bool = False,
+    prove: float | None = None,
     progress: Tell | None = None,
     time_limit: float | None = None,
 ) -> Solution:
@@ -447,4 +457,4 @@ def solve(
             with sheltered():
                 cell, spent = Cell.of(problem), time.perf_counter() - began
                 return unfound(cell, objective_of(cell), stop, Timing(build_s=spent, search_s=0.0))
-        return planner.solve(seed=seed, effort=effort, verify=verify)
+        return planner.solve(seed=seed, effort=effort, verify=verify, prove=prove)

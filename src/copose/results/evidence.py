@@ -105,6 +105,36 @@ class BasinRecord(Record):
         )
 
 
+class ProofRecord(Record):
+    """A proof that no posture beats the answer by more than some ε, as far as it went.
+
+    Attributes:
+        epsilon: ε that was asked for, in the objective's unit.
+        bound: no posture on the self-motions is worth more; null where nothing is proved.
+        gap: that less the answer.
+        statement: what is proved, in a sentence, or why nothing is.
+        assumptions: under which it is.
+        self_motions: of each arm, or its postures where it has nothing to spare, by arm.
+        slices: that met them, by arm.
+        odd: slices with an odd number of postures, in which one may be missing.
+        segments: of the self-motions that were bounded, by arm.
+        combinations: of segments, and of runs of them, that were bounded.
+        seconds: that it took.
+    """
+
+    epsilon: Finite
+    bound: Finite | None
+    gap: Finite | None
+    statement: str
+    assumptions: tuple[str, ...]
+    self_motions: dict[str, int]
+    slices: dict[str, int]
+    odd: int
+    segments: dict[str, int]
+    combinations: int
+    seconds: Finite
+
+
 class PlacementRecord(Record):
     """Placements that were tried: values of the free coordinates.
 
@@ -138,6 +168,7 @@ class SearchRecord(Record):
             that bodies or reach rule out. Null where the search had to end before it told.
         failures: polishes that ended nowhere.
         verification: of the answer, where it was asked for.
+        proof: that nothing beats the answer, where it was asked for.
         placements: where more than joints is free; the other counts are then sums over them.
     """
 
@@ -153,4 +184,5 @@ class SearchRecord(Record):
     basins: BasinRecord | None = None
     failures: tuple[FailureRecord, ...] = ()
     verification: VerificationRecord | None = None
+    proof: ProofRecord | None = None
     placements: PlacementRecord | None = None

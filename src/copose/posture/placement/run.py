@@ -15,6 +15,7 @@ from copose.poses import Array
 from copose.posture.placement.placed import Placed
 from copose.posture.placement.search import PlacementOutcome, PlacementSearch
 from copose.posture.run.acceptance import Acceptance
+from copose.posture.run.certificate import unproved
 from copose.posture.run.evidence import (
     blocked_reason,
     failure_records,
@@ -26,6 +27,7 @@ from copose.posture.run.run import Run
 from copose.posture.search.effort import EFFORTS, Effort
 from copose.posture.solution import MeasuredCase, MeasuredCases, Status
 from copose.progress import StoppedError, sheltered, stage
+from copose.proof.proof import unprovable
 from copose.results import (
     BasinRecord,
     Optimum,
@@ -48,8 +50,20 @@ class PlacedRun:
 
     run: Run
 
-    def search(self, effort: Effort, verify: bool) -> Solution:
-        """The best of everything; the best so far where the call has to end."""
+    def search(self, effort: Effort, verify: bool, epsilon: float | None = None) -> Solution:
+        """The best of everything; the best so far where the call has to end.
+
+        With an ε it says why nothing is proved.
+        """
+        solution = self._best_so_far(effort, verify)
+        reason = unprovable(self.run.cell, self.run.model.objective)
+        if epsilon is None or reason is None or solution.search is None:
+            return solution
+        record = solution.search.model_copy(update={"proof": unproved(epsilon, reason)})
+        return solution.model_copy(update={"search": record})
+
+    def _best_so_far(self, effort: Effort, verify: bool) -> Solution:
+        """The best of everything, or of what is known where the call has to end."""
         search = self._searcher(self.run.seed, effort)
         try:
             return self._searched(search, effort, verify)

@@ -18,6 +18,7 @@ from copose.results import (
     BasinRecord,
     FailureRecord,
     Optimum,
+    ProofRecord,
     SampleRecord,
     SearchRecord,
     VerificationRecord,
@@ -32,6 +33,7 @@ def search_record(
     effort: str,
     value: float | None,
     verification: VerificationRecord | None = None,
+    proof: ProofRecord | None = None,
 ) -> SearchRecord:
     """The record of a search for postures.
 
@@ -42,6 +44,7 @@ def search_record(
         effort: how much was tried, by name.
         value: the objective of the answer; None where there is none.
         verification: of the answer, where it was asked for.
+        proof: alike.
     """
     gap = None
     if value is not None and outcome.best_sample is not None:
@@ -65,6 +68,7 @@ def search_record(
         basins=BasinRecord.of(optima, value, outcome.met),
         failures=failure_records(outcome.failures),
         verification=verification,
+        proof=proof,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -17,6 +18,7 @@ from copose.poses import Array
 from copose.posture.model import PostureModel
 from copose.posture.reachable.reachability import Reached, reachable
 from copose.posture.run.acceptance import Acceptance
+from copose.posture.run.certificate import certified
 from copose.posture.run.evidence import (
     blocked_reason,
     search_record,
@@ -93,11 +95,14 @@ class Run:
             solution_of, self.cell, model.objective, timing=self.timing, links=model.links
         )
 
-    def search(self, effort: Effort, verify: bool) -> Solution:
-        """The best of everything; the best so far where the call has to end."""
+    def search(self, effort: Effort, verify: bool, epsilon: float | None = None) -> Solution:
+        """The best of everything; the best so far where the call has to end.
+
+        With ε it is proved, as far as that goes, that nothing beats it by more.
+        """
         so_far = _SoFar()
         try:
-            return self._searched(effort, verify, so_far)
+            return self._searched(effort, verify, epsilon, so_far)
         except StoppedError as stop:
             with sheltered():
                 return self._cut_short(effort, so_far, stop)
@@ -127,7 +132,9 @@ class Run:
             after=MeasuredCases.single(after),
         )
 
-    def _searched(self, effort: Effort, verify: bool, so_far: _SoFar) -> Solution:
+    def _searched(
+        self, effort: Effort, verify: bool, epsilon: float | None, so_far: _SoFar
+    ) -> Solution:
         """The best of everything that a search finds, which is kept in ``so_far`` as it goes."""
         so_far.outcome = self._search(effort, so_far)
         heed()
@@ -147,8 +154,13 @@ class Run:
             if better is not None:
                 so_far.outcome, seed = better, verification.seed
                 after = self._best(better, before, within)
-        outcome = so_far.outcome
-        reached = self._reached(outcome, before, after, within)
+        outcome, proof = so_far.outcome, None
+        if epsilon is not None and after is not None and after.value is not None:
+            proof, better = certified(self.model, self.setting, outcome, after.value, epsilon)
+            if better is not None:
+                outcome, after = better, self._best(better, before, within)
+        with sheltered() if proof is not None else nullcontext():
+            reached = self._reached(outcome, before, after, within)
         if reached.why and any(arm.start is not None for arm in self.cell.arms):
             notes += (
                 "the best posture cannot be reached from the start without letting go "
@@ -160,7 +172,7 @@ class Run:
         value = None if after is None else after.value
         return self.solution(
             status=status,
-            search=search_record(self.cell, outcome, seed, effort.name, value, verification),
+            search=search_record(self.cell, outcome, seed, effort.name, value, verification, proof),
             reason=self._why(outcome, before, within) if after is None else None,
             notes=(*notes, *self.acceptance.overlap(after), *_verdict(verification)),
             before=MeasuredCases.single(before),

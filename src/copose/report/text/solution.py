@@ -116,6 +116,8 @@ def _evidence(solution: Solution, verbose: bool, *, most: int = 5) -> Iterator[s
             verdict = "stands" if again.stands else "did not stand"
             value = "nothing" if again.objective is None else f"{again.objective:.6f}"
             yield f"the answer {verdict}: seed {again.seed} with twice the effort found {value}"
+        if search.proof is not None:
+            yield search.proof.statement
     if verbose:
         yield timing_line(solution.timing)
     if search is not None and optima:
