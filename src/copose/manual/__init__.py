@@ -20,6 +20,7 @@ Topic: TypeAlias = Literal[
     "python",
     "theory",
     "search",
+    "proof",
     "paper",
     "benchmarks",
     "code",
