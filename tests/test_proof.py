@@ -302,6 +302,32 @@ def test_a_hidden_self_motion_changes_the_answer(monkeypatch: pytest.MonkeyPatch
     assert mended.search.proof.gap <= 1e-5
 
 
+def test_verification_meets_self_motions_that_draws_miss(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every drawn posture is the same: only slices meet the other self-motions."""
+    asked = parse(random_cell(("ur5", "ur5"), "spatial", 4))
+    whole = copose.solve(asked)
+    best = [np.array(q) for q in whole.after.joints.values()]
+
+    def one(self: ArmSampler, rng: np.random.Generator, count: int) -> np.ndarray:
+        if self.i not in known:
+            known[self.i] = np.zeros(0)
+            closed = sample(self, np.random.default_rng(0), 96, 8, 200, 0).closed
+            apart = np.abs(np.angle(np.exp(1j * (closed - best[self.i])))).max(axis=1)
+            known[self.i] = closed[apart.argmax()]
+        if not len(known[self.i]):
+            return draw(self, rng, count)
+        return np.repeat(known[self.i][None], count, axis=0)
+
+    known: dict[int, np.ndarray] = {}
+    draw, sample = ArmSampler.draw, ArmSampler.sample
+    monkeypatch.setattr(ArmSampler, "draw", one)
+    blind = copose.solve(asked)
+    assert blind.objective.after < whole.objective.after - 1e-3
+    seen = copose.solve(asked, verify=True)
+    assert not seen.search.verification.stands
+    assert seen.objective.after == pytest.approx(whole.objective.after, abs=1e-7)
+
+
 def test_an_arm_at_a_limit() -> None:
     solution = copose.solve(problem("baxter-box"), prove=1e-5)
     assert solution.search.proof.gap <= 1e-5

@@ -125,8 +125,8 @@ class Planner:
             effort: how much is searched: ``low``, ``normal`` or ``high``, or an `Effort` with
                 options of its own; ``high`` where an arm has more than one degree of freedom to
                 spare.
-            verify: search again with another seed and twice the effort, and say whether the answer
-                stands.
+            verify: search again with another seed and twice the effort, all self-motions that
+                slices meet among them, and say whether the answer stands.
             prove: ε, from 1e-9 on in the objective's unit: prove that no posture beats the answer
                 by more, as ``search.proof`` says; see `copose manual proof`.
             progress: called with a `copose.Progress` as stages begin and the best so far grows.

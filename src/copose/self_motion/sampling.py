@@ -22,6 +22,7 @@ from copose.self_motion.curves.loops import Loops
 from copose.self_motion.kernels import ArmKernels
 from copose.self_motion.least_squares import nearest
 from copose.self_motion.projection import CLOSED, project
+from copose.self_motion.slices.sliced_arm import SlicedArm
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class ArmSampler:
     kernels: ArmKernels  # of the arm
     i: int  # its number
     goal: Array  # of its tip, see `KernelInputs`
+    complete: bool = False  # whether slices are to meet every self-motion, where they can
     options: SamplingOptions = SamplingOptions()
 
     def sample(
@@ -73,6 +75,16 @@ class ArmSampler:
             insistence: postures drawn before the arm is said to miss its grasp, at most.
         """
         return sample_together([self], [rng], batch, batches, most, insistence)[0]
+
+    @property
+    def sliced(self) -> Array:
+        """Closed postures of slices that meet every self-motion, (count, n); none where no cut
+        works for the arm.
+        """
+        slices = SlicedArm(self.cell.arms[self.i], self.kernels, self.cell.system.space)
+        if slices.fault is not None:
+            return np.zeros((0, self.kernels.n))
+        return slices.at(self.goal).postures
 
     def draw(self, rng: np.random.Generator, count: int) -> Array:
         """Random postures within limits, closed or not, (count, n)."""
@@ -222,6 +234,10 @@ def _grown(
     _grow(growing, loops, batch, batches, most, insistence)
     if kernels.n - kernels.m > 1:
         return [each.sample(each.points, None, most, insistence) for each in growing]
+    for k, sampler in enumerate(arms):
+        sliced = sampler.sliced if sampler.complete else np.zeros((0, kernels.n))
+        if len(sliced):
+            loops.add(sliced, np.full(len(sliced), k))
     every = [loops.points[loops.arms == k] for k in range(len(growing))]
     points = kept(arms, every, 2 * loops.options.spacing)
     return [

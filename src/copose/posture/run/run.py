@@ -346,7 +346,7 @@ class Run:
         stage("verifying")
         seed = verification_seed(self.seed)
         again = (
-            search(self.model, self.setting, seed, effort.doubled())
+            search(self.model, self.setting, seed, replace(effort.doubled(), complete=True))
             if within is None
             else within.search(seed, effort.doubled())
         )

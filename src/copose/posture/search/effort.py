@@ -75,6 +75,7 @@ class Effort:
             of freedom to spare, for a sample tells little about what is near it there.
         insistence: random postures of an arm that are drawn before it is said to miss its grasp.
         measured: best results so far that are measured where a call has to end.
+        complete: whether slices are to meet every self-motion, beside random postures.
         combining: options of combining the arms' postures.
         climbing: options of local searches.
         placing: options of moving the object, bases and grasps.
@@ -91,6 +92,7 @@ class Effort:
     blind: int
     insistence: int = 4096
     measured: int = 4
+    complete: bool = False
     combining: CombinationOptions = CombinationOptions()
     climbing: ClimbOptions = field(default_factory=ClimbOptions)
     placing: PlacementOptions = PlacementOptions()

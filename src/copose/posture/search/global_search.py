@@ -52,7 +52,10 @@ def sampled(
 ) -> tuple[ArmSample, ...]:
     """Samples of the arms' self-motions."""
     cell, goals = setting.cell, setting.placement.goals
-    samplers = [ArmSampler(cell, kernels, i, goals[i]) for i, kernels in enumerate(model.arms)]
+    samplers = [
+        ArmSampler(cell, kernels, i, goals[i], effort.complete)
+        for i, kernels in enumerate(model.arms)
+    ]
     held = {
         i: held_sample(cell, sampler.kernels, i, goals[i])
         for i, sampler in enumerate(samplers)
