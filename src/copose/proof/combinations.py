@@ -20,7 +20,7 @@ class CombinationSearchOptions:
 
     at_once: int = 16384  # combinations that are bounded together
     roots: int = 64  # runs of segments of an arm with which it begins, at most
-    most: int = 12_000_000  # combinations that are kept, at most
+    most: int = 20_000_000  # combinations that are kept, at most
     halvings: int = 60
     stuck: int = 4  # halvings in which the gap has to shrink by a fifth
     split: float = 0.3  # part of the loosest bound of a combination at which an arm is halved too
@@ -88,12 +88,11 @@ class CombinationSearch:
             stage(f"proving, {len(chosen):,} combinations of runs of segments")
             levels = [tree[depth] for tree, depth in zip(trees, depths, strict=True)]
             chosen, _ = self._kept(levels, chosen)
-            deepest = max(depths)
-            for k in [k for k, depth in enumerate(depths) if depth == deepest]:
-                depths[k] -= 1
-                chosen = np.repeat(chosen, 2, axis=0)
-                chosen[:, k] = 2 * chosen[:, k] + np.arange(len(chosen)) % 2
-                chosen = chosen[chosen[:, k] < trees[k][depths[k]].shape[3]]
+            k = int(np.argmax(depths))
+            depths[k] -= 1
+            chosen = np.repeat(chosen, 2, axis=0)
+            chosen[:, k] = 2 * chosen[:, k] + np.arange(len(chosen)) % 2
+            chosen = chosen[chosen[:, k] < trees[k][depths[k]].shape[3]]
             if len(chosen) > self._options.most:
                 break
         return chosen

@@ -18,7 +18,7 @@ from copose.poses import Array
 from copose.posture.model import PostureModel
 from copose.posture.reachable.reachability import Reached, reachable
 from copose.posture.run.acceptance import Acceptance
-from copose.posture.run.certificate import certified
+from copose.posture.run.certificate import Certificate
 from copose.posture.run.evidence import (
     blocked_reason,
     search_record,
@@ -156,9 +156,9 @@ class Run:
                 after = self._best(better, before, within)
         outcome, proof = so_far.outcome, None
         if epsilon is not None and after is not None and after.value is not None:
-            proof, better = certified(self.model, self.setting, outcome, after.value, epsilon)
-            if better is not None:
-                outcome, after = better, self._best(better, before, within)
+            proof = Certificate.of(self.model, self.setting, outcome, after.value, epsilon)
+            if proof.outcome is not None:
+                outcome, after = proof.outcome, self._best(proof.outcome, before, within)
         with sheltered() if proof is not None else nullcontext():
             reached = self._reached(outcome, before, after, within)
         if reached.why and any(arm.start is not None for arm in self.cell.arms):
@@ -170,9 +170,12 @@ class Run:
         if after is None and within is not None and within.single:
             status = "infeasible"
         value = None if after is None else after.value
+        certificate = None if proof is None or value is None else proof.record(value)
         return self.solution(
             status=status,
-            search=search_record(self.cell, outcome, seed, effort.name, value, verification, proof),
+            search=search_record(
+                self.cell, outcome, seed, effort.name, value, verification, certificate
+            ),
             reason=self._why(outcome, before, within) if after is None else None,
             notes=(*notes, *self.acceptance.overlap(after), *_verdict(verification)),
             before=MeasuredCases.single(before),
