@@ -62,11 +62,11 @@ def _curves(cell: Cell, manifold: ClosureManifold, i: int, q: Array, same: float
     kernels, goal, curves = manifold.kernels, manifold.goals[0], list[Curve]()
     if not len(q):
         return curves
-    loops = Loops(cell, kernels, i, goal)
-    loops.add(q)
+    loops = Loops(cell, kernels, [i], manifold.goals)
+    loops.add(q, np.zeros(len(q), dtype=np.intp))
     left = np.vstack([loops.innermost(np.inf), q])
     left, _ = project(kernels, left, goal, manifold.lower[0], manifold.upper[0], steps=12)
-    first = loops.count
+    first = loops.count()
     while len(left):
         for curve in follow(manifold.many(first), left[:first]):
             if not any(_on(known, curve.points[:1], same).all() for known in curves):
