@@ -15,7 +15,7 @@ from copose.posture.placement.nlp import PlacementNlp
 from copose.posture.placement.samples import PlacementSampler
 from copose.posture.placement.starts import PlacementStarts
 from copose.posture.search.effort import EFFORTS
-from copose.posture.solvers.active_set import Point
+from copose.posture.solvers.active_set import Iterates
 from copose.posture.solvers.placed_newton import PlacedPolisher
 from copose.problem import parse
 from copose.self_motion.tangent_space import Tangent
@@ -65,7 +65,7 @@ def polisher_of(data: dict) -> tuple[PostureModel, PlacementNlp, PlacedPolisher,
     return model, program, polisher, np.array([program.stacked(start) for start in starts])
 
 
-def point_at(polisher: PlacedPolisher, z: Array) -> Point:
+def point_at(polisher: PlacedPolisher, z: Array) -> Iterates:
     return polisher.point([z[:, None]], [np.zeros((len(z), 1, z.shape[1]), dtype=bool)])
 
 

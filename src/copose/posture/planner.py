@@ -151,13 +151,7 @@ class Planner:
                 setting = self._setting(object_pose, problem)
             if seed is None:
                 seed = setting.cell.problem.search.seed
-            run = Run(
-                model=self._model,
-                setting=setting,
-                seed=int(seed),
-                build_s=self.build_s,
-                began=began,
-            )
+            run = Run(self._model, setting, int(seed), self.build_s, began)
             try:
                 self._model.compiled()
                 return self._answer(run, warm, tried, verify, prove)
@@ -166,12 +160,7 @@ class Planner:
                     return unfound(setting.cell, setting.objective, stop, run.timing)
 
     def _answer(
-        self,
-        run: Run,
-        warm: Warm | None,
-        effort: Effort,
-        verify: bool,
-        prove: float | None,
+        self, run: Run, warm: Warm | None, effort: Effort, verify: bool, prove: float | None
     ) -> Solution:
         """The answer of a run from a warm posture, if there is one, or of a search."""
         cell = run.cell

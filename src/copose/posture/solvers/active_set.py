@@ -66,8 +66,8 @@ class Polished:
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
-    """Closed postures and all that the next step takes from them.
+class Iterates:
+    """Closed postures of climbs and all that their next steps take from them.
 
     Attributes:
         q: by block, (count, k, n).
@@ -81,18 +81,18 @@ class Point:
     value: Array
     known: list[Array]
 
-    def taken(self, rows: Mask) -> Point:
+    def taken(self, rows: Mask) -> Iterates:
         """The postures of some starts."""
         if rows.all():
             return self
-        return Point(
+        return Iterates(
             [q[rows] for q in self.q],
             [held[rows] for held in self.held],
             self.value[rows],
             [known[rows] for known in self.known],
         )
 
-    def put(self, rows: Indices, other: Point, chosen: Mask) -> None:
+    def put(self, rows: Indices, other: Iterates, chosen: Mask) -> None:
         """Replace some of these starts by chosen ones of another."""
         for known, new in (
             *zip(self.q, other.q, strict=True),
@@ -132,15 +132,15 @@ class ActiveSet(ABC):
     options: NewtonOptions
 
     @abstractmethod
-    def point(self, q: list[Array], held: list[Mask]) -> Point:
+    def point(self, q: list[Array], held: list[Mask]) -> Iterates:
         """Evaluate closed postures by block, with variables that are taken to be stopped."""
 
     @abstractmethod
-    def slopes(self, j: int, point: Point) -> tuple[Array, Array]:
+    def slopes(self, j: int, point: Iterates) -> tuple[Array, Array]:
         """Derivatives of closure, (rows, m, n), and value, (rows, n), by a block's variables."""
 
     @abstractmethod
-    def direction(self, point: Point, tangents: list[Tangent]) -> list[Array]:
+    def direction(self, point: Iterates, tangents: list[Tangent]) -> list[Array]:
         """A Newton step in the tangent spaces that ascends, by block, (count, k, n)."""
 
     @abstractmethod
@@ -196,7 +196,7 @@ class ActiveSet(ABC):
             rows, point = rows[moved], ahead.taken(moved)
         return ends
 
-    def _tangent(self, j: int, point: Point) -> Tangent:
+    def _tangent(self, j: int, point: Iterates) -> Tangent:
         """The tangent spaces of a block; what gains by leaving its limit is let go."""
         block, q, held = self.blocks[j], point.q[j], point.held[j]
         J, slope = self.slopes(j, point)
@@ -218,7 +218,7 @@ class ActiveSet(ABC):
 
     def _leading(
         self,
-        point: Point,
+        point: Iterates,
         tangents: list[Tangent],
         direction: list[Array],
         most: int,
@@ -272,7 +272,7 @@ class ActiveSet(ABC):
         return np.asarray(largest / np.maximum(1.0, total / entries / self.options.scale))
 
     def _feasible_direction(
-        self, point: Point, tangents: list[Tangent]
+        self, point: Iterates, tangents: list[Tangent]
     ) -> tuple[list[Tangent], list[Array]]:
         """A direction that pushes nothing through its limit, and the tangent spaces it is of."""
         direction = self.direction(point, tangents)
@@ -299,8 +299,8 @@ class ActiveSet(ABC):
         return tangents, direction
 
     def _advance(
-        self, point: Point, tangents: list[Tangent], direction: list[Array]
-    ) -> tuple[Point, Mask]:
+        self, point: Iterates, tangents: list[Tangent], direction: list[Array]
+    ) -> tuple[Iterates, Mask]:
         """Go along the direction as far as limits allow and the value grows.
 
         Returns:
@@ -339,7 +339,7 @@ class ActiveSet(ABC):
 
     def _retracted(
         self, q: list[Array], direction: list[Array], reach: Array, held: list[Mask]
-    ) -> tuple[Mask, Point]:
+    ) -> tuple[Mask, Iterates]:
         """Postures after a step, closed again, with held variables where they are."""
         ends, stops, near = [], [], self.options.at_limit
         closed = np.ones(len(reach), dtype=bool)

@@ -10,7 +10,7 @@ import numpy as np
 
 from copose.poses import Array, Indices, Mask
 from copose.posture.score import Score
-from copose.posture.solvers.active_set import ActiveSet, Point, Polished, ascent
+from copose.posture.solvers.active_set import ActiveSet, Iterates, Polished, ascent
 from copose.self_motion.kernels import ArmKernels
 from copose.self_motion.projection import CLOSED, project
 from copose.self_motion.tangent_space import Tangent
@@ -88,19 +88,19 @@ class Polisher(ActiveSet):
         met = np.ones(len(q), dtype=np.intp)
         return Polished(q, value, np.zeros(len(q)), met, self.options.tolerance)
 
-    def point(self, q: list[Array], held: list[Mask]) -> Point:
+    def point(self, q: list[Array], held: list[Mask]) -> Iterates:
         """Evaluate closed postures by group; known are sums, the value's slopes by them, terms."""
         terms = [group.terms(q_group) for group, q_group in zip(self.blocks, q, strict=True)]
         sums = np.asarray(sum(summands.sum(axis=1) for summands in terms) + self.rest)
         both = self.score.slope(sums, self.given)
-        return Point(q, held, both[:, 0].copy(), [sums, both[:, 1:], *terms])
+        return Iterates(q, held, both[:, 0].copy(), [sums, both[:, 1:], *terms])
 
-    def slopes(self, j: int, point: Point) -> tuple[Array, Array]:
+    def slopes(self, j: int, point: Iterates) -> tuple[Array, Array]:
         """Derivatives of closure and score by the joints of a group."""
         return self.blocks[j].local(point.q[j][:, :, None], point.known[1])[1:]
 
     @np.errstate(over="ignore", invalid="ignore")
-    def direction(self, point: Point, tangents: list[Tangent]) -> list[Array]:
+    def direction(self, point: Iterates, tangents: list[Tangent]) -> list[Array]:
         """A Newton step in the tangent spaces that ascends, by group, (count, k, n).
 
         Curvature that is beyond all numbers is that of a step along the gradient, see `_ascent`.

@@ -19,7 +19,7 @@ from copose.cell.variables import Places
 from copose.kernels import Kernel
 from copose.objectives.objective import Objective
 from copose.poses import Array, Indices, Mask
-from copose.posture.solvers.active_set import ActiveSet, Point, ascent
+from copose.posture.solvers.active_set import ActiveSet, Iterates, ascent
 from copose.self_motion.kernels import ArmKernels, placed_kernel
 from copose.self_motion.projection import CLOSED, project
 from copose.self_motion.tangent_space import Tangent
@@ -146,7 +146,7 @@ class PlacedPolisher(ActiveSet):
         rows = [slice(first, last) for first, last in pairwise(edges)]
         return [rows[k : k + len(sizes)] for k in range(0, len(rows), len(sizes))]
 
-    def point(self, q: list[Array], held: list[Mask]) -> Point:
+    def point(self, q: list[Array], held: list[Mask]) -> Iterates:
         """Evaluate closed variables; known are sums and M_o, and the value's slopes by them."""
         z = q[0][:, 0]
         value, sums, slopes = np.zeros(len(z)), [], []
@@ -160,9 +160,9 @@ class PlacedPolisher(ActiveSet):
             both = case.weight * self.kernels.score(sums[-1], case.given)
             value += both[:, 0]
             slopes.append(both[:, 1:])
-        return Point(q, held, value, [np.stack(sums, axis=1), np.stack(slopes, axis=1)])
+        return Iterates(q, held, value, [np.stack(sums, axis=1), np.stack(slopes, axis=1)])
 
-    def slopes(self, j: int, point: Point) -> tuple[Array, Array]:
+    def slopes(self, j: int, point: Iterates) -> tuple[Array, Array]:
         """Derivatives of all closures and of the value by all variables."""
         return self._local(point.q[0][:, 0], point.known[1])[1:]
 
@@ -199,14 +199,14 @@ class PlacedPolisher(ActiveSet):
         return np.stack(every, axis=1), J, slope
 
     @np.errstate(over="ignore", invalid="ignore")
-    def direction(self, point: Point, tangents: list[Tangent]) -> list[Array]:
+    def direction(self, point: Iterates, tangents: list[Tangent]) -> list[Array]:
         """A Newton step in the tangent spaces that ascends, (count, 1, v)."""
         basis, slope = tangents[0].basis, tangents[0].slope
         gradient = (basis @ slope[:, :, None])[:, :, 0]
         step = ascent(self.hessian(point, tangents[0]), gradient, self.options.flattest)
         return [step[:, None] @ basis]
 
-    def hessian(self, point: Point, tangent: Tangent) -> Array:
+    def hessian(self, point: Iterates, tangent: Tangent) -> Array:
         """Second derivatives along the basis of what a step is worth once arms are closed again,
         (count, d, d): by differences, of the sums at their slopes and of the score in the sums.
         """

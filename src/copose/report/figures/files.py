@@ -12,7 +12,6 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, overload
 
@@ -142,9 +141,6 @@ def _matplotlib() -> Any:
     backend = os.environ.pop("MPLBACKEND", "")
     try:
         import matplotlib
-
-        if not hasattr(sys, "ps1") and "IPython" not in sys.modules:
-            _load_without_descriptions()
     finally:
         if backend:
             os.environ["MPLBACKEND"] = backend
@@ -152,20 +148,6 @@ def _matplotlib() -> Any:
         with contextlib.suppress(ValueError):
             matplotlib.rcParams["backend"] = backend
     return matplotlib
-
-
-def _load_without_descriptions() -> None:
-    """Load what draws, without descriptions of all artists' properties, which nobody reads in a
-    script: to write them takes a third of the time.
-    """
-    from matplotlib import artist
-
-    describe = artist.kwdoc
-    try:
-        artist.kwdoc = lambda artist: ""
-        import_module("matplotlib.figure")
-    finally:
-        artist.kwdoc = describe
 
 
 def saved(figure: Figure, kind: str) -> bytes:
