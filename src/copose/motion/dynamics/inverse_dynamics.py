@@ -126,7 +126,8 @@ class Torques:
         """
         parts = self._alike(asked, asked.still, self.loads(asked.course, np.inf))
         squares = [dynamics.farthest(demand, least**-2).min() for _, dynamics, demand in parts]
-        return float(1 / np.sqrt(np.min(squares)))
+        square = float(np.min(squares))
+        return 1 / np.sqrt(square) if square > 0 else np.nan
 
     def _alike(
         self, asked: Carrying, fixed: Sequence[Array], load: Array

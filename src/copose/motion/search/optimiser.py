@@ -250,8 +250,8 @@ class MotionOptimiser:
             )
             motion = self._solver.solved(case, motion.q, motion.multipliers)
         if self.shortest:
-            return self.lengthened(course, motion if motion.converged else known)
-        if not motion.converged or used.within:
+            motion = self.lengthened(course, motion if motion.converged else known)
+        if not motion.converged or self.keeps_limits(course, motion):
             return motion
         return replace(motion, converged=False, status="Limits_Not_Kept", violated=("", 0, 0.0))
 
