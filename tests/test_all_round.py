@@ -17,7 +17,7 @@ from copose.objectives.ball_table import TableOptions, ranked
 from copose.objectives.facet_ascent import AscentOptions, FacetAscent
 from copose.objectives.quadratic_maximin import Quadratics, maximin
 from copose.posture.search.effort import EFFORTS
-from copose.posture.search.global_search import _sampled
+from copose.posture.search.global_search import sampled
 from copose.problem import parse
 from test_limits_search import beside, objective
 from test_torque_limits import SPACES, cell_of
@@ -38,7 +38,7 @@ def ready(cell: dict, seed: int = 0, most: int = 12) -> tuple:
     """A planner, its sampled postures by arm, and the balls of all of them."""
     planner = copose.Planner(parse(cell))
     model, setting = planner._model, planner._nominal
-    samples = _sampled(model, setting, seed, EFFORTS["low"])
+    samples = sampled(model, setting, seed, EFFORTS["low"])
     q = [sample.closed[:: max(1, len(sample.closed) // most)] for sample in samples]
     return planner, q, model.objective._balls(setting, q)
 
@@ -292,7 +292,7 @@ def test_no_enumeration_exceeds_the_bound_of_a_result(kind: str) -> None:
     setting, axes = planner._nominal, planner._model.objective.axes
     bound = solution.search.bound
     assert solution.objective.after <= bound
-    samples = _sampled(planner._model, setting, 3, EFFORTS["normal"])
+    samples = sampled(planner._model, setting, 3, EFFORTS["normal"])
     had = [sample.closed for sample in samples]
     others = [closed_postures(setting.cell, i) for i in range(2)]
     best = -np.inf

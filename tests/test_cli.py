@@ -464,7 +464,7 @@ def test_every_help_ends_in_an_example_that_is_right(capsys) -> None:
         ("ev", {"evaluate"}),
         ("solve --eff", {"--effort"}),
         ("export r.json --to m", {"moveit", "mujoco"}),
-        ("manual pro", {"problem-files"}),
+        ("manual pro", {"problem-files", "proof"}),
         ("check cel", {"cell.toml"}),
         ("solve cell.toml --effort ", {"low", "normal", "high"}),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
@@ -13,6 +14,7 @@ import copose
 from cells import planar, random_cell, tables
 from copose.cell.cell import Cell
 from copose.posture.model import PostureModel
+from copose.posture.search import global_search
 from copose.posture.setting import Setting
 from copose.problem import parse
 from copose.progress import watched
@@ -24,7 +26,7 @@ from copose.proof.self_motions import SelfMotions
 from copose.proof.taylor import Taylor, cosines_and_sines, inverse_model
 from copose.proof.tubes import SelfMotionTubes
 from copose.self_motion.projection import project
-from copose.self_motion.sampling import ArmSampler
+from copose.self_motion.sampling import ArmSample, ArmSampler
 from copose.self_motion.slices.sliced_arm import SlicedArm
 from reference import PROBLEMS
 
@@ -282,19 +284,20 @@ def test_a_hidden_self_motion_changes_the_answer(monkeypatch: pytest.MonkeyPatch
     asked = problem("two-panda-box")
     whole = copose.solve(asked)
     best = np.array(whole.after.joints["left"])
-    sample = ArmSampler.sample
+    together = global_search.sample_together
 
-    def blind(self: ArmSampler, *arguments: object) -> object:
-        full = sample(self, *arguments)
-        if self.i != 0:
-            return full
+    def blind(samplers: Sequence[ArmSampler], *arguments: object) -> list[ArmSample]:
+        pairs = zip(samplers, together(samplers, *arguments), strict=True)
+        return [one_hidden(full) if sampler.i == 0 else full for sampler, full in pairs]
+
+    def one_hidden(full: ArmSample) -> ArmSample:
         elbow = np.sign(full.closed[:, 0] - best[0] + 0.8)
         near = np.abs(full.closed - best).max(axis=1) < 1.5
         keep = ~near | (elbow < 0)
         count = int(keep.sum())
         return replace(full, closed=full.closed[keep], neighbours=np.zeros((count, 1), dtype=int))
 
-    monkeypatch.setattr(ArmSampler, "sample", blind)
+    monkeypatch.setattr(global_search, "sample_together", blind)
     hidden = copose.solve(asked)
     assert hidden.objective.after < whole.objective.after - 1e-3
     mended = copose.solve(asked, prove=1e-5)
