@@ -13,7 +13,7 @@ import path_problems
 from cells import planar
 from copose.cell.cell import Cell
 from copose.motion.curve.hermite import closed_at
-from copose.motion.curve.straightening import straightened
+from copose.motion.curve.straight_motion import straightened
 from copose.motion.dynamics.rates import JointRates
 from copose.motion.path.knots import Course, uniform
 from copose.motion.path.request import asked

@@ -10,7 +10,7 @@ import numpy as np
 
 from copose.cell.dynamics import HELD
 from copose.motion.curve.hermite import spline_points
-from copose.motion.curve.straightening import straightened
+from copose.motion.curve.straight_motion import straightened
 from copose.motion.dynamics.limit_use import LimitUse, largest_strain
 from copose.motion.graph.node_values import NodeValues
 from copose.motion.graph.roadmap import Roadmap

@@ -87,7 +87,7 @@ class NearbyPostures:
         return rng.uniform(low, high, (count, len(low)))
 
     def _projected(self, setting: Setting, i: int, q: Array) -> Array:
-        """Those of the projections that close, without repetition, (k, n)."""
+        """Projections that close, without repetition, (k, n)."""
         lower, upper = setting.cell.lower[i], setting.cell.upper[i]
         ends, gaps = project(
             self._model.arms[i], q, setting.placement.goals[i], lower, upper,

@@ -62,7 +62,7 @@ class PlacedKernels:
 
     @property
     def all(self) -> tuple[Kernel, ...]:
-        """All of them."""
+        """Every kernel of the cell."""
         return *dict.fromkeys(self.arms), self.placer, self.score
 
     def place(self, x: Array, numbers: Array) -> tuple[list[Array], list[Array]]:
@@ -95,7 +95,7 @@ class PlacedArm:
 
 @dataclass(frozen=True, eq=False)
 class PlacedCase:
-    """One case of such a cell.
+    """A case of such a cell.
 
     Attributes:
         numbers: its `Freedom.numbers`.
