@@ -1,4 +1,4 @@
-"""All self-motions of an arm that slices meet, as pieces from posture to posture."""
+"""Self-motions of an arm that slices meet, as pieces from posture to posture."""
 
 from __future__ import annotations
 

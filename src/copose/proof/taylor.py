@@ -44,7 +44,7 @@ class Taylor:
 
     @cached_property
     def whole(self) -> Interval:
-        """All values on the segment."""
+        """Enclosure of the values on the segment."""
         h, zero = (
             self.h.reshape(-1, *[1] * (self.value.mid.ndim - 1)),
             np.zeros_like(self.value.mid),
@@ -54,7 +54,7 @@ class Taylor:
 
     @cached_property
     def slopes(self) -> Interval:
-        """All slopes on the segment."""
+        """Enclosure of the slopes on the segment."""
         h, zero = (
             self.h.reshape(-1, *[1] * (self.value.mid.ndim - 1)),
             np.zeros_like(self.value.mid),

@@ -336,7 +336,7 @@ class MotionSearch:
         )
 
     def _basins(self, motions: Sequence[Candidate]) -> BasinRecord:
-        """How many routes led to each of the motions that programs made of them."""
+        """Counts of the routes that led to each of the motions that programs made of them."""
         distinct: list[list[Candidate]] = []
         for one in motions:
             alike = [k for k in distinct if same_motion(one.shaped.q, k[0].shaped.q)]
@@ -348,6 +348,6 @@ class MotionSearch:
         return BasinRecord.of(optima, max((o.objective for o in optima), default=None))
 
     def _worth(self, candidate: Candidate) -> float:
-        """What is maximised of a candidate that is a motion."""
+        """The objective of a candidate that is a motion."""
         shortest = self.finisher.shaper.shortest
         return -candidate.shaped.duration if shortest else float(candidate.value or 0.0)

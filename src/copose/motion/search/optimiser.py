@@ -93,7 +93,7 @@ class MotionOptimiser:
 
     @property
     def kernels(self) -> tuple[Kernel, ...]:
-        """Those of the objective's own program and of the shortest's, which may be compiled."""
+        """Kernels of the objective's own program and of the shortest's, which may be compiled."""
         kinds = (MotionKind.BEST, *([MotionKind.SHORTEST] if self.shortest else []))
         return tuple(kernel for kind in kinds for kernel in self._solver.task(kind).kernels)
 

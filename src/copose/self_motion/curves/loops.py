@@ -212,7 +212,7 @@ class Loops:
 
     @cached_property
     def _turning(self) -> ClosureManifold:
-        """One of them, for what turns of joints change: they are of one model."""
+        """The manifold of the first arm: turns of joints are alike in all of one model."""
         return self._manifold.many(1)
 
     def _beyond(self, q: Array, arms: Indices) -> Array:

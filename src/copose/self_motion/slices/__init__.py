@@ -1,1 +1,1 @@
-"""All postures of an arm that hold the object, by slices at which one joint is locked."""
+"""Slices of self-motions: every posture of an arm that holds the object, one joint locked."""

@@ -1,4 +1,4 @@
-"""All angles of a closed loop of six revolute joints, by elimination.
+"""Elimination: the angles of a closed loop of six revolute joints, every solution.
 
 Source: M. Raghavan, B. Roth, *Inverse kinematics of the general 6R manipulator* (1993). The loop is
 D₁R(θ₁) D₂R(θ₂) … D₆R(θ₆) = I, R about z. Fourteen equations in p and l, the last two columns of
