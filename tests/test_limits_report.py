@@ -22,11 +22,10 @@ from copose.report.charts.exact_sets import SetPicture, draw_set, set_pictures
 from copose.report.geometry.hulls import Hull as Solid
 from copose.report.geometry.slices import angular_slice, linear_slice
 from copose.report.look import LOOK
-from copose.report.numbers import three
 from copose.report.panels import result_panels
 from copose.report.scene.forces import holding_arrows
 from copose.report.text.limits import limit_lines
-from copose.report.words import gain_words, objective_name, value_words
+from copose.report.words import gain_words, objective_name, three, value_words
 from copose.results import (
     AccelerationRecord,
     EllipsoidRecord,

@@ -34,18 +34,15 @@ from copose.report.figures.cases import cases_figure
 from copose.report.figures.planar import planar_figure
 from copose.report.figures.spatial import spatial_figure
 from copose.report.figures.titles import moved_words
-from copose.report.geometry.camera import best_view
+from copose.report.geometry.camera import View, best_view
 from copose.report.geometry.free_ranges import ranges
 from copose.report.geometry.link_bodies import LinkBodies, LinkBody
-from copose.report.geometry.obstacles import bodies
-from copose.report.geometry.shapes import cut
-from copose.report.geometry.view import View
+from copose.report.geometry.shapes import cut, near_obstacles
 from copose.report.look import LOOK
-from copose.report.numbers import three
 from copose.report.panels import NOWHERE, case_rows
 from copose.report.panels import result_panels as panels
 from copose.report.scene import polygons
-from copose.report.words import result_heading
+from copose.report.words import result_heading, three
 from copose.results import (
     CasePosture,
     CollisionRecord,
@@ -443,7 +440,9 @@ class TestSurroundings:
             assert names.keys() >= {"wall", "post"}
 
     def test_obstacles_in_space(self) -> None:
-        known = {body.name: body for body in bodies(placed(), np.zeros(3) - 1, np.ones(3) * 1.5)}
+        known = {
+            body.name: body for body in near_obstacles(placed(), np.zeros(3) - 1, np.ones(3) * 1.5)
+        }
         turned = Pose.from_rpy((0.5, 0, 0.15), (0, 0, 0.3))
         local = (known["table"].points - turned.position) @ turned.rotation
         assert np.allclose(np.abs(local), [0.3, 0.4, 0.02])
@@ -477,13 +476,13 @@ class TestSurroundings:
         cell = spatial_cell(False) | {"obstacles": [floor, far]}
         record = placed().problem.model_copy(update={"obstacles": parse(cell).obstacles})
         solution = placed().model_copy(update={"problem": record})
-        (body,) = bodies(solution, low, high)
+        (body,) = near_obstacles(solution, low, high)
         assert body.name == "floor"
         assert np.allclose([body.points.min(axis=0), body.points.max(axis=0)],
                            [[-0.25, -0.25, -0.1], [1.25, 1.25, 0.0]])  # fmt: skip
         assert picture(solution, "png")
         # What is no larger than the scene is drawn whole.
-        table = bodies(placed(), np.zeros(3), np.ones(3))[0]
+        table = near_obstacles(placed(), np.zeros(3), np.ones(3))[0]
         assert table.name == "table"
         assert table.points.min() < -0.25
 

@@ -24,11 +24,10 @@ from rich.console import Console
 from copose.errors import InputError
 from copose.report.figures.files import saved
 from copose.report.studies import draw_study, study_map, study_picture, study_table
-from copose.report.studies.importance import first_order_share
+from copose.report.studies.charts.curve import branch_switches
+from copose.report.studies.charts.pair_plot import first_order_share
 from copose.report.studies.key_axes import row_labels, unit_of
-from copose.report.studies.map_content import MapContent
-from copose.report.studies.pareto import pareto_front
-from copose.report.studies.switches import branch_switches
+from copose.report.studies.map_content import MapContent, pareto_front
 from copose.studies.folder import StudyFolder
 from copose.studies.points.line import PointLine
 from copose.studies.points.points import Point

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from copose.errors import InputError
-from copose.report.axes import semi_axis_units
+from copose.report.words import semi_axis_units
 from copose.results import Posture, Solution
 
 

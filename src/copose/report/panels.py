@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from copose.report.axes import semi_axis_units
-from copose.report.words import answer_word, short
+from copose.report.words import answer_word, semi_axis_units, short
 from copose.results import CasePosture, Posture, ProblemRecord, Solution
 
 NOWHERE = "no posture closes at the file's pose"

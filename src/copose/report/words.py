@@ -1,14 +1,57 @@
-"""Words for results in tables and pictures: values, gains, headings."""
+"""Words and numbers of results, and the names of task coordinates."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeAlias
 
 from copose.problem import OBJECTIVE_TABLES
-from copose.report.numbers import percent, six, three
 from copose.results import CasePosture, Motion, Posture, SearchRecord, Solution
+
+
+def six(value: float | None) -> str:
+    """Six decimal places; – where there is no number."""
+    return "–" if value is None else f"{value:.6f}"
+
+
+def three(value: float | None) -> str:
+    """Three digits, as a decimal number where six places do; – where there is no number."""
+    if value is None:
+        return "–"
+    rounded = float(f"{round(value, 9):.3g}") + 0.0
+    if not 1e-3 <= abs(rounded) < 1e6:
+        return f"{rounded:g}"
+    return f"{rounded:.{max(0, 2 - math.floor(math.log10(abs(rounded))))}f}"
+
+
+def percent(share: float) -> str:
+    """A share in percent, without the sign."""
+    return f"{100 * share:.1f}"
+
+
+def round_scale(length: float) -> float:
+    """The largest of 1, 2, 5 × 10^k not above a positive length."""
+    power = 10.0 ** math.floor(math.log10(length))
+    return max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-12))
+
+
+LINEAR_AXES = {"x": 0, "y": 1, "z": 2}
+ANGULAR_AXES = {"roll": 0, "pitch": 1, "yaw": 2, "angle": 2}
+
+
+def semi_axis_units(solution: Solution | Motion) -> tuple[str, str]:
+    """Units of linear and of angular semi-axes: per unit torque, or at the torque limits."""
+    per = "" if solution.problem.torque_scaling == "limits" else " per N·m"
+    return f"m/s²{per}", f"rad/s²{per}"
+
+
+def acceleration_unit(names: Iterable[str]) -> str:
+    """The unit of accelerations along some coordinates."""
+    kinds = {name in ANGULAR_AXES for name in names}
+    return ", ".join(("m/s²", "rad/s²")[kind] for kind in sorted(kinds))
+
 
 Answer: TypeAlias = Solution | Motion
 

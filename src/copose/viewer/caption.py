@@ -6,14 +6,14 @@ import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from copose.report.axes import semi_axis_units
 from copose.report.look import LOOK, arm_colors
-from copose.report.numbers import round_scale
 from copose.report.words import (
     evidence_words,
     gain_words,
     has_before,
     objective_name,
+    round_scale,
+    semi_axis_units,
     short,
     value_words,
 )

@@ -8,13 +8,14 @@ from copose.live.panels.markup import SMALL, message, titled_table
 from copose.live.plots.path_figure import cursor_style
 from copose.live.session.path_motion import PathMotion
 from copose.report.look import LOOK
-from copose.report.numbers import six, three
 from copose.report.words import (
     failure_words,
     gain_between,
     gain_word,
     objective_name,
     objective_unit,
+    six,
+    three,
 )
 from copose.results import Motion
 

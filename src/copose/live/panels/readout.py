@@ -8,10 +8,9 @@ from html import escape
 from copose.live.panels.markup import SMALL, message, titled_table
 from copose.live.session.state import State
 from copose.report.look import LOOK, arm_colors
-from copose.report.numbers import six
 from copose.report.text.columns import shared_beginning
 from copose.report.text.ellipsoids import ellipsoid_rows
-from copose.report.words import gain_words, objective_name, objective_unit
+from copose.report.words import gain_words, objective_name, objective_unit, six
 from copose.results import JointRecord, Solution
 
 

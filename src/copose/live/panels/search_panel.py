@@ -10,7 +10,7 @@ import viser
 
 from copose.live.panels.controls import Controls, see
 from copose.live.session.state import SearchAim
-from copose.report.numbers import six
+from copose.report.words import six
 from copose.results import Optimum
 
 

@@ -18,8 +18,7 @@ from copose.poses import Array
 from copose.report.joint_curves import JointCurves, spread
 from copose.report.limit_use import limit_shares
 from copose.report.look import LOOK
-from copose.report.numbers import percent, three
-from copose.report.words import failure_words, objective_name, objective_unit, short
+from copose.report.words import failure_words, objective_name, objective_unit, percent, short, three
 from copose.results import Motion
 
 

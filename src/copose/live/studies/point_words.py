@@ -11,7 +11,7 @@ from copose.live.panels.markup import block
 from copose.live.studies.point_cloud import CLOUD
 from copose.live.studies.study_points import StudyPoints
 from copose.report.look import LOOK
-from copose.report.numbers import six, three
+from copose.report.words import six, three
 
 
 def counts(points: StudyPoints) -> str:

@@ -16,14 +16,13 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from copose.capability import Ellipsoid
 from copose.poses import Array
 from copose.problem import SPACES
-from copose.report.axes import ANGULAR_AXES, LINEAR_AXES, acceleration_unit
 from copose.report.charts.legends import legend_below
+from copose.report.geometry.camera import View, frame, roomy
 from copose.report.geometry.hulls import Hull
 from copose.report.geometry.slices import Slice
-from copose.report.geometry.view import View, frame, roomy
 from copose.report.look import LOOK
-from copose.report.numbers import three
 from copose.report.panels import Panel
+from copose.report.words import ANGULAR_AXES, LINEAR_AXES, acceleration_unit, three
 from copose.results import ExactSetRecord
 
 

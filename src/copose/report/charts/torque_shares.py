@@ -8,9 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from copose.report.look import LOOK, arm_colors
-from copose.report.numbers import percent
 from copose.report.panels import Panel
-from copose.report.words import largest_share, short
+from copose.report.words import largest_share, percent, short
 
 
 @dataclass(frozen=True)

@@ -10,17 +10,22 @@ from matplotlib.lines import Line2D
 
 from copose.poses import Array
 from copose.problem import SPACES
-from copose.report.axes import semi_axis_units
 from copose.report.charts.legends import Entry, legend_entries, legend_grid
 from copose.report.figures.planar import scale_bar
 from copose.report.figures.titles import distance_words
 from copose.report.geometry.free_ranges import ranges
 from copose.report.look import LOOK
-from copose.report.numbers import three
 from copose.report.panels import Panel, Row, case_of
 from copose.report.scene.planar import PlanarStage
 from copose.report.scene.spatial import SpatialStage
-from copose.report.words import objective_name, objective_unit, short, value_words
+from copose.report.words import (
+    objective_name,
+    objective_unit,
+    semi_axis_units,
+    short,
+    three,
+    value_words,
+)
 
 
 @dataclass(frozen=True)

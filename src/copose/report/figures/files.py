@@ -62,7 +62,7 @@ def picture(answer: Solution | Motion, kind: str, style: Style = "bodies") -> by
 def motion_animation(motion: Motion, style: Style = "bodies") -> bytes:
     """A motion in real time as the content of a .gif file."""
     with drawing():
-        from copose.report.figures.film import motion_film
+        from copose.report.figures.motion import motion_film
 
         return motion_film(_styled(motion, style))
 

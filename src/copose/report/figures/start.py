@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -10,21 +11,72 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+from copose.collision import Solid, link_solids
+from copose.errors import InputError
 from copose.poses import Pose
 from copose.problem import Problem
-from copose.report.geometry.camera import best_view
+from copose.report.geometry.camera import View, best_view, frame, roomy
 from copose.report.geometry.link_bodies import LinkBodies, LinkBody
-from copose.report.geometry.obstacles import bodies as obstacles
-from copose.report.geometry.posture_points import object_points, planar_points, spatial_points
-from copose.report.geometry.view import View, frame, roomy
+from copose.report.geometry.shapes import (
+    near_obstacles,
+    object_points,
+    planar_points,
+    spatial_points,
+)
 from copose.report.look import LOOK, arm_colors
 from copose.report.scene import planar as planar_scene
 from copose.report.scene import spatial as spatial_scene
 from copose.report.scene.polygons import ON_TOP, Polygons
-from copose.report.scene.start import StartScene
 from copose.report.text.start import start_words
 from copose.report.words import short
+from copose.results import (
+    ArmRecord,
+    EllipsoidRecord,
+    Posture,
+    ProblemRecord,
+    link_records,
+    matrix,
+    place,
+    vector,
+)
 from copose.robots import ArmStart
+
+
+@dataclass(frozen=True, eq=False)
+class StartScene:
+    """The scene of a problem that has no result yet."""
+
+    problem: ProblemRecord  # the problem as results record it
+    posture: Posture  # the starts; without ellipsoids
+
+    @classmethod
+    def of(cls, problem: Problem, starts: Sequence[ArmStart], *, bodies: bool = True) -> StartScene:
+        """The scene of arms at their starts, with bodies of their links or without."""
+        planar, nothing = problem.space.planar, EllipsoidRecord.of(None)
+        arms = [start.arm for start in starts]
+        solids: tuple[Solid, ...] = ()
+        # A robot whose shapes cannot be read is drawn by its joints alone.
+        with contextlib.suppress(InputError):
+            solids = link_solids(problem, arms).solids if bodies else ()
+        record = ProblemRecord.of(problem, link_records(solids, arms, planar=planar))
+        records = {
+            start.arm.name: ArmRecord(
+                skeleton=matrix(np.array([frame.position for frame in start.frames])),
+                quaternions=matrix(np.array([frame.quaternion for frame in start.frames])),
+                grasp=vector(start.grasp.position),
+                ellipsoid=nothing,
+            )
+            for start in starts
+        }
+        posture = Posture(
+            joints={start.arm.name: vector(start.joints) for start in starts},
+            object=place(problem.object.pose, planar),
+            closure_error={start.arm.name: max(start.gap, start.turn) for start in starts},
+            ellipsoid=nothing,
+            log_volumes={},
+            arms=records,
+        )
+        return cls(record, posture)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +165,7 @@ def _draw_spatial(
     ax: Any = figure.add_axes((0.0, 0.02, 1.0, 0.88), projection="3d")
     known = spatial_points(scene.posture, scene)
     known = np.vstack([known, *(link.points for link in links)])
-    around = obstacles(scene, known.min(axis=0), known.max(axis=0))
+    around = near_obstacles(scene, known.min(axis=0), known.max(axis=0))
     low, high = roomy(np.vstack([known, *(body.points for body in around)]))
     size = float((high - low).max())
     frame(ax, low, high, ("x, m", "y, m", "z, m"), view, whole=True)
@@ -141,7 +193,7 @@ def _draw_planar(
     ax = figure.add_axes((0.08, 0.07, 0.89, 0.8))
     known = planar_points(scene.posture, scene)
     size = float(np.ptp(known, axis=0).max())
-    around = obstacles(scene, known.min(axis=0), known.max(axis=0))
+    around = near_obstacles(scene, known.min(axis=0), known.max(axis=0))
     low, high = planar_scene.roomy(np.vstack([known, *(body.points for body in around)]), size)
     planar_scene.draw_bodies(ax, scene, low, high)
     planar_scene.draw_posture(ax, scene.posture, scene)

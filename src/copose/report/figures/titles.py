@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from copose.problem import SPACES
-from copose.report.numbers import three
 from copose.report.panels import Panel
-from copose.report.words import short, value_words
+from copose.report.words import short, three, value_words
 from copose.results import Posture, Solution
 
 

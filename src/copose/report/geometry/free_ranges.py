@@ -7,10 +7,10 @@ from itertools import product
 
 import numpy as np
 
-from copose.poses import Array, rotation_rows
-from copose.report.geometry.shapes import turn
+from copose.poses import Array
+from copose.report.geometry.shapes import object_axes
 from copose.report.panels import Panel, case_of
-from copose.results import FreeRecord, PlanarPlace, Posture
+from copose.results import FreeRecord
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +37,6 @@ def ranges(panel: Panel) -> list[Range]:
         position = np.array(grasp.position)
         boxes.append(Range(arm, "grasp", _edges(panel, f"{arm}.grasp", position, center, axes)))
     return [box for box in boxes if len(box.edges)]
-
-
-def object_axes(posture: Posture) -> Array:
-    """The rotation of the object, (d, d)."""
-    place = posture.object
-    if isinstance(place, PlanarPlace):
-        return turn(place.angle)
-    return np.array(rotation_rows(place.quaternion))
 
 
 def _offset(record: FreeRecord, panel: Panel) -> float | None:

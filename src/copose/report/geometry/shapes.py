@@ -1,15 +1,18 @@
-"""Shapes as polygons in the world."""
+"""Shapes, obstacles, arms and objects as polygons and points in the world."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from copose.poses import Array
-from copose.problem import CapsuleShape, Shape
+from copose.poses import Array, rotation_rows
+from copose.problem import CapsuleShape, Obstacle, PlanarObstacle, Shape
+from copose.report.panels import Drawn
+from copose.results import PlanarPlace, Posture
 
 
 def faces(shape: Shape | CapsuleShape, position: Sequence[float], rotation: Array) -> list[Array]:
@@ -99,3 +102,92 @@ _FACES: dict[str, Callable[[Any], list[Array]]] = {
     "cylinder": _cylinder,
 }
 _OUTLINES: dict[str, Callable[[Any, float], Array]] = {"box": _rectangle, "disk": _disk}
+
+
+def object_axes(posture: Posture) -> Array:
+    """The rotation of the object, (d, d)."""
+    place = posture.object
+    if isinstance(place, PlanarPlace):
+        return turn(place.angle)
+    return np.array(rotation_rows(place.quaternion))
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnObstacle:
+    """The part of an obstacle that a picture shows."""
+
+    name: str  # name of the obstacle
+    faces: tuple[Array, ...]  # polygons in the world, (k, d) each; one in the plane
+    round: bool  # whether the obstacle is round, so that edges between faces are not drawn
+
+    @property
+    def points(self) -> Array:
+        """All corners, (k, d)."""
+        return np.vstack(self.faces)
+
+
+def near_obstacles(
+    solution: Drawn, low: Array, high: Array, *, margin: float = 0.25
+) -> list[DrawnObstacle]:
+    """Obstacles near a scene; of those larger than it the parts that are near.
+
+    Args:
+        solution: the result, or the problem.
+        low: least coordinates of arms and object, (d,).
+        high: largest coordinates, (d,).
+        margin: distance up to which large obstacles are drawn, as a share of the scene: a whole
+            floor would dwarf what stands on it.
+    """
+    size = float((high - low).max())
+    beyond = margin * size
+    shown = []
+    for obstacle in solution.problem.obstacles:
+        whole = _obstacle_faces(obstacle)
+        parts = [cut(face, low - beyond, high + beyond) for face in whole]
+        near = tuple(part for part in parts if len(part))
+        if near and float(np.ptp(np.vstack(whole), axis=0).max()) <= size:
+            near = tuple(whole)
+        if near:
+            shown.append(DrawnObstacle(obstacle.name, near, obstacle.shape.kind != "box"))
+    return shown
+
+
+def _obstacle_faces(obstacle: Obstacle | PlanarObstacle) -> list[Array]:
+    """An obstacle as polygons in the world."""
+    if isinstance(obstacle, PlanarObstacle):
+        return [outline(obstacle.shape, obstacle.position, obstacle.angle)]
+    return faces(obstacle.shape, obstacle.position, obstacle.pose.rotation)
+
+
+def spatial_points(posture: Posture, solution: Drawn) -> Array:
+    """Points of arms and object in space, (k, 3)."""
+    points = [np.array([*arm.skeleton, arm.grasp]) for arm in posture.arms.values()]
+    return np.vstack([*points, object_points(posture, solution)])
+
+
+def object_points(posture: Posture, solution: Drawn) -> Array:
+    """The object's corners and its centre of mass in space, (k, 3)."""
+    return np.vstack([*object_faces(posture, solution), posture.object.position])
+
+
+def object_faces(posture: Posture, solution: Drawn) -> list[Array]:
+    """The object's surface as polygons in the world; none where it has no shape."""
+    shape = solution.problem.shape
+    if shape is None:
+        return []
+    return faces(shape, posture.object.position, object_axes(posture))
+
+
+def planar_points(posture: Posture, solution: Drawn) -> Array:
+    """Points of arms and object in the plane, (k, 2)."""
+    points = [np.array([*arm.skeleton, arm.grasp])[:, :2] for arm in posture.arms.values()]
+    rim = object_outline(posture, solution)
+    return np.vstack([*points, *([] if rim is None else [rim]), posture.object.position])
+
+
+def object_outline(posture: Posture, solution: Drawn) -> Array | None:
+    """The object's outline in the plane, (k, 2); None where it has no shape."""
+    shape, place = solution.problem.shape, posture.object
+    if shape is None or not isinstance(place, PlanarPlace):
+        return None
+    return outline(shape, place.position, place.angle)

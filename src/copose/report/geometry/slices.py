@@ -10,7 +10,7 @@ import numpy as np
 from copose.capability import Ellipsoid
 from copose.poses import Array
 from copose.problem import SPACES
-from copose.report.axes import ANGULAR_AXES, LINEAR_AXES
+from copose.report.words import ANGULAR_AXES, LINEAR_AXES
 from copose.results import EllipsoidRecord, Solution
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from copose.poses import Array
 from copose.report.look import LOOK
-from copose.report.numbers import three
+from copose.report.words import three
 from copose.results import Posture
 
 

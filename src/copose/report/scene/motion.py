@@ -14,11 +14,14 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 from copose.poses import Array
 from copose.problem import SPACES
 from copose.report.charts.legends import small_legend
-from copose.report.geometry.camera import best_view
+from copose.report.geometry.camera import View, best_view, frame, roomy
 from copose.report.geometry.link_bodies import LinkBodies
-from copose.report.geometry.obstacles import bodies
-from copose.report.geometry.posture_points import object_points, planar_points, spatial_points
-from copose.report.geometry.view import View, frame, roomy
+from copose.report.geometry.shapes import (
+    near_obstacles,
+    object_points,
+    planar_points,
+    spatial_points,
+)
 from copose.report.look import LOOK
 from copose.report.scene import planar as planar_scene
 from copose.report.scene import spatial as spatial_scene
@@ -54,7 +57,7 @@ class MotionScene:
             things = [object_points(knot, motion) for knot in ends]
             view = best_view(list(zip(around, things, strict=True)))
         near = np.array([points.min(axis=0), points.max(axis=0)])
-        known = np.vstack([near, *(body.points for body in bodies(motion, *near))])
+        known = np.vstack([near, *(body.points for body in near_obstacles(motion, *near))])
         size = float(np.ptp(near, axis=0).max())
         low, high = planar_scene.roomy(known, size) if planar else roomy(known)
         return cls(motion, motion.knots, planar, near, links, view, low, high)
@@ -118,7 +121,7 @@ class MotionScene:
             return
         size = float((self.high - self.low).max())
         polygons = Polygons(self.view, size)
-        for body in bodies(self.motion, *self.near):
+        for body in near_obstacles(self.motion, *self.near):
             spatial_scene.draw_body(ax, polygons, body, self.view)
         links = self.links.placed(knot)
         spatial_scene.draw_posture(ax, polygons, knot, self.motion, links, size)

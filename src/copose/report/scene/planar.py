@@ -17,9 +17,13 @@ from copose.problem import PlanarObstacle
 from copose.report.charts.legends import Entry
 from copose.report.geometry.free_ranges import ranges
 from copose.report.geometry.link_bodies import flat_links
-from copose.report.geometry.obstacles import bodies
-from copose.report.geometry.posture_points import object_outline, planar_points
-from copose.report.geometry.shapes import cut, outline
+from copose.report.geometry.shapes import (
+    cut,
+    near_obstacles,
+    object_outline,
+    outline,
+    planar_points,
+)
 from copose.report.geometry.slices import Slice, all_coordinates, linear_slice
 from copose.report.look import LOOK, arm_colors
 from copose.report.panels import Drawn, Panel, holds, shared_scales
@@ -63,7 +67,7 @@ class PlanarStage:
     def frame(self, panels: list[Panel], further: Sequence[Array]) -> tuple[Array, Array]:
         """Limits with obstacles, further points, (2,) each, and a margin."""
         low, high = self.low, self.high
-        points = [body.points for p in panels for body in bodies(p.solution, low, high)]
+        points = [body.points for p in panels for body in near_obstacles(p.solution, low, high)]
         known = np.vstack([low, high, *further, *points])
         return roomy(known, self.size)
 

@@ -12,7 +12,7 @@ from matplotlib.colors import to_rgb
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from copose.poses import Array
-from copose.report.geometry.view import View
+from copose.report.geometry.camera import View
 from copose.report.look import LOOK
 
 ON_TOP = 1000

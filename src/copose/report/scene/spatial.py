@@ -11,12 +11,10 @@ from matplotlib.patheffects import withStroke
 
 from copose.poses import Array, rotation_rows
 from copose.report.charts.legends import Entry
-from copose.report.geometry.camera import best_view
+from copose.report.geometry.camera import View, best_view, frame, roomy
 from copose.report.geometry.free_ranges import ranges
 from copose.report.geometry.link_bodies import LinkBodies, LinkBody
-from copose.report.geometry.obstacles import DrawnObstacle, bodies
-from copose.report.geometry.posture_points import object_faces, object_points
-from copose.report.geometry.view import View, frame, roomy
+from copose.report.geometry.shapes import DrawnObstacle, near_obstacles, object_faces, object_points
 from copose.report.look import LOOK, arm_colors
 from copose.report.panels import Drawn, Panel, holds
 from copose.report.scene.polygons import ON_TOP, Polygons
@@ -54,7 +52,7 @@ class SpatialStage:
             points += [box.edges.reshape(-1, 3) for box in ranges(panel)]
         known = np.vstack(points)
         low, high = known.min(axis=0), known.max(axis=0)
-        around = [bodies(panel.solution, low, high) for panel in panels]
+        around = [near_obstacles(panel.solution, low, high) for panel in panels]
         obstacles = [body.points for near in around for body in near]
         scenes = [
             (placed, object_points(panel.posture, panel.solution))

@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 
 from copose.poses import Array
-from copose.report.axes import semi_axis_units
+from copose.report.geometry.camera import roomy
 from copose.report.geometry.link_bodies import LinkBody
-from copose.report.geometry.posture_points import spatial_points
+from copose.report.geometry.shapes import spatial_points
 from copose.report.geometry.slices import Slice, angular_slice, linear_slice
-from copose.report.geometry.view import roomy
 from copose.report.look import LOOK
-from copose.report.numbers import round_scale
 from copose.report.panels import Panel, shared_scales
 from copose.report.scene.polygons import ON_TOP, Polygons
+from copose.report.words import round_scale, semi_axis_units
 from copose.results import EllipsoidRecord
 
 

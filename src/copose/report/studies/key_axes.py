@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from itertools import takewhile
 from typing import Any
 
-from copose.report.axes import acceleration_unit
-from copose.report.words import OBJECTIVE_WORDS, short
+from copose.report.words import OBJECTIVE_WORDS, acceleration_unit, short
 from copose.studies.points.points import Axis, Points
 from copose.studies.study import Study
 

@@ -10,16 +10,34 @@ from typing import Any, Self
 import numpy as np
 
 from copose.poses import Array, Indices
-from copose.report.numbers import percent, three
 from copose.report.studies.key_axes import (
     KeyAxis,
     named_axes,
     titled,
     value_words,
 )
-from copose.report.studies.pareto import pareto_front
 from copose.report.studies.places import StudyPlaces
+from copose.report.words import percent, three
 from copose.studies.table import StudyTable
+
+
+def pareto_front(one: Array, other: Array) -> Indices:
+    """The points that no other point beats: none is at least as large in both numbers and larger
+    in one. Of equal points the first counts.
+
+    Args:
+        one: a number of each point, nan where there is none, (count,).
+        other: alike.
+
+    Returns:
+        Their numbers, by ``one`` descending, so that ``other`` ascends.
+    """
+    known = np.flatnonzero(np.isfinite(one) & np.isfinite(other))
+    order = known[np.lexsort((-other[known], -one[known]))]
+    highest = np.maximum.accumulate(other[order])
+    front = np.ones(len(order), dtype=bool)
+    front[1:] = other[order][1:] > highest[:-1]
+    return order[front]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from rich.console import RenderableType
 
-from copose.report.numbers import three
 from copose.report.studies.key_axes import in_lines, titled, value_words
 from copose.report.studies.map_content import MapContent
 from copose.report.studies.places import Ending, StudyPlaces
 from copose.report.text.columns import counted, heading, lines, sections, table
-from copose.report.words import short
+from copose.report.words import short, three
 from copose.studies.table import StudyTable
 
 

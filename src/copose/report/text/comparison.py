@@ -9,11 +9,11 @@ from rich.table import Table
 from rich.text import Text
 
 from copose.report.comparison import Comparison
-from copose.report.numbers import six, three
 from copose.report.text.columns import joint_table, lines, sections, table
 from copose.report.text.ellipsoids import ellipsoid_rows
 from copose.report.text.limits import limit_lines, limit_values
 from copose.report.text.placement import is_angle, offset
+from copose.report.words import six, three
 from copose.results import Posture
 
 

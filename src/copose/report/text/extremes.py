@@ -10,10 +10,8 @@ from rich.table import Table
 from rich.text import Text
 
 from copose.problem import SPACES
-from copose.report.axes import acceleration_unit
-from copose.report.numbers import three
 from copose.report.text.columns import aligned, table
-from copose.report.words import stage_titles
+from copose.report.words import acceleration_unit, stage_titles, three
 from copose.results import Posture, Solution, WrenchRecord
 
 

@@ -8,10 +8,16 @@ from itertools import chain
 from rich.table import Table
 from rich.text import Text
 
-from copose.report.axes import ANGULAR_AXES, acceleration_unit
-from copose.report.numbers import percent, three
 from copose.report.text.columns import joint_table, shared_beginning
-from copose.report.words import answer_word, largest_share, objective_words
+from copose.report.words import (
+    ANGULAR_AXES,
+    acceleration_unit,
+    answer_word,
+    largest_share,
+    objective_words,
+    percent,
+    three,
+)
 from copose.results import Posture, Solution
 
 

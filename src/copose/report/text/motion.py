@@ -9,7 +9,6 @@ from rich.console import RenderableType
 
 from copose.problem import SPACES
 from copose.report.limit_use import limit_shares
-from copose.report.numbers import percent, six, three
 from copose.report.text.columns import (
     answer_page,
     counted,
@@ -25,6 +24,9 @@ from copose.report.words import (
     gain_word,
     objective_name,
     objective_unit,
+    percent,
+    six,
+    three,
 )
 from copose.results import Motion
 

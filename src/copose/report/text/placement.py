@@ -9,7 +9,6 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from copose.report.numbers import six, three
 from copose.report.text.columns import joint_table, lines, table
 from copose.report.text.ellipsoids import closure_row
 from copose.report.text.limits import end_width, limit_lines, limit_values
@@ -19,7 +18,9 @@ from copose.report.words import (
     objective_name,
     objective_unit,
     result_gain,
+    six,
     stage_titles,
+    three,
 )
 from copose.results import CasePosture, FreeRecord, Solution
 

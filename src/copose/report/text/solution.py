@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from rich.console import RenderableType
 
 from copose.problem import SPACES
-from copose.report.numbers import six
 from copose.report.text.columns import (
     answer_page,
     counted,
@@ -16,8 +15,7 @@ from copose.report.text.columns import (
     times,
     timing_line,
 )
-from copose.report.text.companions import companion_tables
-from copose.report.text.ellipsoids import closure_row, ellipsoid_rows
+from copose.report.text.ellipsoids import closure_row, companion_tables, ellipsoid_rows
 from copose.report.text.extremes import extreme_tables
 from copose.report.text.limits import joints_table, limit_lines, limit_rows
 from copose.report.text.placement import case_tables, free_tables
@@ -27,6 +25,7 @@ from copose.report.words import (
     objective_name,
     objective_unit,
     result_gain,
+    six,
     stage_titles,
 )
 from copose.results import Solution

@@ -10,8 +10,8 @@ import numpy as np
 
 from copose.poses import Array, Pose
 from copose.problem import Problem
-from copose.report.axes import ANGULAR_AXES, LINEAR_AXES
 from copose.report.look import LOOK
+from copose.report.words import ANGULAR_AXES, LINEAR_AXES
 from copose.viewer.names import node
 from copose.viewer.nodes.colors import rgb
 from copose.viewer.surfaces.arrows import arrow, round_arrow

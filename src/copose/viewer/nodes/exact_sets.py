@@ -10,9 +10,9 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from copose.poses import Array, Indices
-from copose.report.axes import ANGULAR_AXES, LINEAR_AXES
 from copose.report.geometry.hulls import Hull
 from copose.report.look import LOOK
+from copose.report.words import ANGULAR_AXES, LINEAR_AXES
 from copose.results import ExactSetRecord, Posture
 from copose.viewer.names import node
 from copose.viewer.nodes.colors import rgb

@@ -13,10 +13,10 @@ from matplotlib.ticker import MaxNLocator
 
 from copose.poses import Array, Indices
 from copose.report.look import LOOK
-from copose.report.numbers import three
 from copose.report.studies.charts.endings import draw_ending_marks, draw_endings
 from copose.report.studies.charts.key_scales import cell_edges, label_scale
 from copose.report.studies.map_content import MapContent
+from copose.report.words import three
 
 
 @dataclass(frozen=True)
