@@ -25,7 +25,7 @@ from copose.live.page import Page
 from copose.live.scene.gizmos import Gizmo
 from copose.poses import Pose
 from copose.report.look import LOOK
-from copose.viewer.nodes.colors import rgb
+from copose.viewer.names import rgb
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 PLANAR = PROBLEMS / "paper-fig2.toml"

@@ -34,10 +34,9 @@ from copose.results import (
 from copose.robots import Arm, load_arms
 from copose.robots.files.file_paths import resolve
 from copose.viewer import CellScene, Look, link_looks, page_html, quiet_server, stop
-from copose.viewer.surfaces.arrows import round_arrow
 from copose.viewer.surfaces.light_surfaces import BUDGET, light_surface
 from copose.viewer.surfaces.light_surfaces import _reduced as reduced
-from copose.viewer.surfaces.triangles import Triangles, ball, box, capsule, cylinder
+from copose.viewer.surfaces.triangles import Triangles, ball, box, capsule, cylinder, round_arrow
 from reference import PROBLEMS
 
 SNAPSHOTS = Path(__file__).parent / "snapshots"

@@ -1,4 +1,4 @@
-"""Names of nodes of a scene: paths, of which a name in a problem file is one step."""
+"""Names of nodes of a scene, and colours, as viser takes them."""
 
 from __future__ import annotations
 
@@ -13,3 +13,9 @@ def node(*steps: str) -> str:
     return "".join(
         "/" + step.replace("%", "%25").replace("/", quote("/", safe="")) for step in steps
     )
+
+
+def rgb(color: str) -> tuple[int, int, int]:
+    """Red, green and blue of a colour such as ``#D55E00``, 0 to 255."""
+    red, green, blue = bytes.fromhex(color.removeprefix("#"))
+    return red, green, blue

@@ -15,15 +15,13 @@ from copose.results import Posture
 from copose.robots import Arm
 from copose.viewer.camera import Camera, CameraOptions, first_camera
 from copose.viewer.looks import Look
-from copose.viewer.names import node
+from copose.viewer.names import node, rgb
 from copose.viewer.nodes.arms import Robots
-from copose.viewer.nodes.colors import rgb
 from copose.viewer.nodes.directions import DirectionArrows
 from copose.viewer.nodes.ellipsoids import Slices
 from copose.viewer.nodes.exact_sets import ExactSets
-from copose.viewer.nodes.ground import lay_grid
+from copose.viewer.nodes.ground import lay_grid, light, light_from
 from copose.viewer.nodes.hands import Hands, move, stretch
-from copose.viewer.nodes.lights import light, light_from
 from copose.viewer.nodes.objects import add_object, add_obstacle
 from copose.viewer.result_poses import object_pose
 from copose.viewer.surfaces.primitive_surfaces import primitive_triangles

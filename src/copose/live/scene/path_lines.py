@@ -9,8 +9,7 @@ import numpy as np
 import viser
 
 from copose.poses import Pose
-from copose.viewer.names import node
-from copose.viewer.nodes.colors import rgb
+from copose.viewer.names import node, rgb
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from copose.live.plots.svg import PLOT
 from copose.live.studies.study_points import Marks, StudyPoints
 from copose.poses import Array
 from copose.report.look import LOOK
-from copose.viewer.names import node
-from copose.viewer.nodes.colors import rgb
+from copose.viewer.names import node, rgb
 
 
 @dataclass(frozen=True)

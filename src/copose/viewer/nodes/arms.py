@@ -10,8 +10,7 @@ from copose.report.look import LOOK
 from copose.results import Posture
 from copose.robots import Arm
 from copose.viewer.looks import Look
-from copose.viewer.names import node
-from copose.viewer.nodes.colors import rgb
+from copose.viewer.names import node, rgb
 from copose.viewer.surfaces.light_surfaces import creased
 from copose.viewer.surfaces.triangles import cylinder
 

@@ -12,11 +12,9 @@ from copose.poses import Array, Pose
 from copose.problem import Problem
 from copose.report.look import LOOK
 from copose.report.words import ANGULAR_AXES, LINEAR_AXES
-from copose.viewer.names import node
-from copose.viewer.nodes.colors import rgb
-from copose.viewer.surfaces.arrows import arrow, round_arrow
+from copose.viewer.names import node, rgb
 from copose.viewer.surfaces.light_surfaces import creased
-from copose.viewer.surfaces.triangles import turned_to
+from copose.viewer.surfaces.triangles import arrow, round_arrow, turned_to
 
 if TYPE_CHECKING:
     from viser import FrameHandle, MeshHandle, SceneApi

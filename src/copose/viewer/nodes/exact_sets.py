@@ -14,8 +14,7 @@ from copose.report.geometry.hulls import Hull
 from copose.report.look import LOOK
 from copose.report.words import ANGULAR_AXES, LINEAR_AXES
 from copose.results import ExactSetRecord, Posture
-from copose.viewer.names import node
-from copose.viewer.nodes.colors import rgb
+from copose.viewer.names import node, rgb
 from copose.viewer.nodes.ellipsoids import Slices
 
 if TYPE_CHECKING:

@@ -12,8 +12,7 @@ from copose.poses import Array, Pose
 from copose.report.look import LOOK
 from copose.results import Posture
 from copose.robots import Arm
-from copose.viewer.names import node
-from copose.viewer.nodes.colors import rgb
+from copose.viewer.names import node, rgb
 from copose.viewer.result_poses import frame_pose
 from copose.viewer.surfaces.triangles import cylinder, turned_to
 

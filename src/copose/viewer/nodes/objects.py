@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 from copose.collision import primitive_of
 from copose.problem import Obstacle, PlanarObstacle, Problem
 from copose.report.look import LOOK
-from copose.viewer.names import node
-from copose.viewer.nodes.colors import rgb
+from copose.viewer.names import node, rgb
 from copose.viewer.surfaces.light_surfaces import creased
 from copose.viewer.surfaces.primitive_surfaces import primitive_edges, primitive_triangles
 
