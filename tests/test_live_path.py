@@ -16,7 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 import copose
 import path_problems
 from copose.live.page import Page
-from copose.live.panels.path_words import instant, instant_headline, motion_headline
+from copose.live.panels.path_panel import instant, instant_headline, motion_headline
 from copose.live.plots.path_figure import motion_svg
 from copose.live.problem_file.document import Document
 from copose.live.scene.gizmos import Gizmo

@@ -20,7 +20,7 @@ from copose.live import open_study
 from copose.live.page import Page
 from copose.live.session.session import Session
 from copose.live.studies.moved_bodies import MovedBodies
-from copose.live.studies.point_choice import PointChoice, document_at
+from copose.live.studies.study_player import PointChoice, document_at
 from copose.live.studies.study_points import Marks, StudyPoints
 from copose.problem import held
 from copose.studies.folder import StudyFolder

@@ -20,8 +20,8 @@ from cells import FILES, tables, two_pandas
 from cells import toml as toml_text
 from copose.errors import InputError
 from copose.live.problem_file import toml_text as edited
+from copose.live.problem_file.document import tables_of
 from copose.live.problem_file.saving import problem_text, save_problem
-from copose.live.problem_file.tables import tables_of
 from copose.live.problem_file.toml_text import text_of, text_with
 from copose.problem import Problem, held, overridden
 from copose.problem import parse as parse_complete

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import viser
 
 from copose.live.panels.panel import PagePanel
-from copose.live.panels.path_words import instant_headline
+from copose.live.panels.path_panel import instant_headline
 from copose.live.path_player import PathPlayer
 from copose.live.scene.stage import PageScene
 from copose.live.session.session import Session

@@ -17,8 +17,7 @@ from copose.live.files import file_named, save
 from copose.live.panels import objectives as aims
 from copose.live.panels.panel import PagePanel
 from copose.live.path_player import PathPlayer
-from copose.live.problem_file.document import Document, case_names
-from copose.live.problem_file.layout import same_layout
+from copose.live.problem_file.document import Document, case_names, same_layout
 from copose.live.scene.gizmos import Gizmo
 from copose.live.scene.stage import PageScene
 from copose.live.session.jog import ByHand

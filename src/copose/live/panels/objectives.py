@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from copose.errors import InputError
-from copose.live.problem_file.document import Document
-from copose.live.problem_file.tables import tables_of
+from copose.live.problem_file.document import Document, tables_of
 from copose.poses import Array
 from copose.problem import OBJECTIVE_TABLES, Problem
 from copose.report.words import OBJECTIVE_WORDS

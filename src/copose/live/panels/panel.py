@@ -13,8 +13,8 @@ import viser
 from copose.live.panels import readout
 from copose.live.panels.controls import Controls, put_content, see
 from copose.live.panels.hand_panel import HandActs, HandPanel
-from copose.live.panels.markup import line
 from copose.live.panels.path_panel import PathActs, PathPanel
+from copose.live.panels.readout import line
 from copose.live.panels.search_panel import SearchActs, SearchPanel
 from copose.live.panels.task_panel import TaskActs, TaskPanel
 from copose.live.session.state import State

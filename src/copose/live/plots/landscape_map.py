@@ -11,8 +11,18 @@ from functools import lru_cache
 import numpy as np
 from PIL import Image
 
-from copose.live.plots.color_scale import VIRIDIS, color_table
-from copose.live.plots.svg import PlotFrame, dot, drawing, legend, star, text, ticks, upright
+from copose.live.plots.svg import (
+    VIRIDIS,
+    PlotFrame,
+    color_table,
+    dot,
+    drawing,
+    legend,
+    star,
+    text,
+    ticks,
+    upright,
+)
 from copose.poses import Array, Mask
 from copose.posture.landscape.objective_map import Landscape
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from copose.live.plots.color_scale import VIRIDIS, ColorScale
-from copose.live.plots.svg import PLOT, PlotFrame, dot, drawing, text, ticks
+from copose.live.plots.svg import PLOT, VIRIDIS, ColorScale, PlotFrame, dot, drawing, text, ticks
 from copose.poses import Array
 
 

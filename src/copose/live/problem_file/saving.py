@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from copose.errors import InputError
-from copose.live.problem_file.tables import grafted, tables_of
+from copose.live.problem_file.document import grafted, tables_of
 from copose.live.problem_file.toml_text import text_of, text_with
 from copose.loader import parse, taught
 from copose.problem import Problem, read_text, tables_in

@@ -10,8 +10,7 @@ from typing import Any, TypeAlias
 
 from copose.batch.planner_cache import PlannerCache
 from copose.errors import InputError
-from copose.live.problem_file.document import Changes, Document
-from copose.live.problem_file.layout import same_layout
+from copose.live.problem_file.document import Changes, Document, same_layout
 from copose.live.session.state import SearchAim, State, Step
 from copose.live.session.transition import self_motion_way
 from copose.poses import Array

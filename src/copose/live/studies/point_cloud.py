@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import viser
 
-from copose.live.plots.color_scale import ColorScale
-from copose.live.plots.svg import PLOT
+from copose.live.plots.svg import PLOT, ColorScale
 from copose.live.studies.study_points import Marks, StudyPoints
 from copose.poses import Array
 from copose.report.look import LOOK
