@@ -25,8 +25,7 @@ from copose.batch.run import run_points
 from copose.live.page import Page
 from copose.live.scene.gizmos import Gizmo
 from copose.poses import Pose
-from copose.studies.folder import StudyFolder
-from copose.studies.study import Study
+from copose.studies.study import Study, StudyFolder
 from copose.studies.table import StudyTable
 
 sys.path.append(str(gallery.ROOT / "tests"))

@@ -36,7 +36,7 @@ from copose.collision import (
     configurations,
 )
 from copose.collision.distance.segments import Segments, segment_distances
-from copose.collision.pairs import possible_pairs
+from copose.collision.scene import possible_pairs
 from copose.errors import InputError
 from copose.mechanics.chain import Chain
 from copose.poses import Pose

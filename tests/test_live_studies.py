@@ -23,8 +23,7 @@ from copose.live.studies.moved_bodies import MovedBodies
 from copose.live.studies.study_player import PointChoice, document_at
 from copose.live.studies.study_points import Marks, StudyPoints
 from copose.problem import held
-from copose.studies.folder import StudyFolder
-from copose.studies.study import Study
+from copose.studies.study import Study, StudyFolder
 from copose.studies.table import StudyTable
 from test_live_browser import Hand, check_arms, controls
 

@@ -17,8 +17,7 @@ from copose.commands.command_line import main
 from copose.errors import InputError
 from copose.manual import page
 from copose.problem import SCHEMA
-from copose.problem.file.reference import made_reference
-from copose.problem.file.schema import made_schema
+from copose.problem.file.schema import made_reference, made_schema
 
 VALIDATOR = jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text()))
 

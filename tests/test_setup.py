@@ -20,8 +20,8 @@ from copose.robots import load_arms
 from copose.robots.files.file_paths import EXAMPLES, resolve
 from copose.robots.files.urdf_tree import read_tree
 from copose.setup.chains import chain_to, find_chains
-from copose.setup.hands import Hand, toward
-from copose.setup.problem_text import ProblemText
+from copose.setup.grasps import Hand, toward
+from copose.setup.problem_writer import ProblemText
 from copose.setup.robot_entries import RobotEntry, named_arms
 
 FOLDER = resolve(PANDA, Path(), {}).parents[2]

@@ -28,10 +28,9 @@ from copose.report.studies.charts.curve import branch_switches
 from copose.report.studies.charts.pair_plot import first_order_share
 from copose.report.studies.key_axes import row_labels, unit_of
 from copose.report.studies.map_content import MapContent, pareto_front
-from copose.studies.folder import StudyFolder
 from copose.studies.points.line import PointLine
 from copose.studies.points.points import Point
-from copose.studies.study import Study
+from copose.studies.study import Study, StudyFolder
 from copose.studies.table import StudyTable
 from reference import PROBLEMS
 

@@ -18,11 +18,10 @@ from copose.errors import InputError
 from copose.poses import Indices
 from copose.progress import StoppedError, Tell, attained, sheltered, stage, watched
 from copose.studies.columns import write_parquet
-from copose.studies.folder import StudyFolder
 from copose.studies.points.points import Point
 from copose.studies.record import RecordLines, StudyRecord
 from copose.studies.robot_files import RobotFiles
-from copose.studies.study import Study
+from copose.studies.study import Study, StudyFolder
 from copose.studies.table import StudyTable
 
 

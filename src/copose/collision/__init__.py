@@ -8,15 +8,13 @@ from copose.collision.carriers import (
     configurations,
     joint_columns,
 )
-from copose.collision.distance.bodies import Bodies
+from copose.collision.distance.bodies import Bodies, Nearest, Witness
 from copose.collision.distance.placed_parts import PartPoses
-from copose.collision.distance.witnesses import Nearest, Witness
 from copose.collision.scene import Scene, link_looks, link_solids, primitive_of
 from copose.collision.shapes.mesh_files import MeshFile, UnreadableError
 from copose.collision.shapes.meshes import Mesh
-from copose.collision.shapes.outlines import Outline, link_outlines
 from copose.collision.shapes.primitives import Primitive
-from copose.collision.shapes.solids import LinkLook, Part, Solid
+from copose.collision.shapes.solids import LinkLook, Outline, Part, Solid, link_outlines
 
 __all__ = [
     "Bodies",

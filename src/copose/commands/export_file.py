@@ -74,7 +74,7 @@ class ExportCommand(Command):
 
 def _renamed_joints(names: Mapping[str, Sequence[str]]) -> str:
     """A line on joints that are called otherwise than in their robot's file, if any are."""
-    from copose.formats.names import unique_names
+    from copose.formats.postures import unique_names
 
     new = [
         unique

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from copose.commands.terminal.interrupts import serve
 from copose.commands.terminal.options import add_objective, add_page, add_verbosity
-from copose.commands.terminal.page_server import serve
 from copose.commands.terminal.parser import Command, CommandParser
 from copose.commands.terminal.problem_input import load_problem
 from copose.commands.terminal.progress_line import watching

@@ -8,8 +8,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 
 from copose.errors import InputError, arm_key
-from copose.formats.markup import xml_text
-from copose.formats.postures import ExportedPosture, problem_of
+from copose.formats.postures import ExportedPosture, problem_of, xml_text
 from copose.poses import Array
 from copose.problem import RobotArm
 from copose.results import Posture

@@ -1,8 +1,10 @@
-"""Postures and knots to be exported, and the problem that they answer."""
+"""What all formats share: postures and knots, the problem that they answer, names, XML."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from copose.errors import InputError, nearest
@@ -70,3 +72,43 @@ def knots(motion: Motion) -> Iterable[tuple[float, Knot]]:
 
 def _why(result: Solution | Motion) -> str:
     return f": {result.reason}" if result.reason else ""
+
+
+ByArm = Mapping[str, Sequence[str]]
+
+
+def unique_names(names: ByArm) -> dict[str, tuple[str, ...]]:
+    """Joint names by arm; a name that two arms share has the arm's name and ``_`` in front.
+
+    Raises:
+        InputError: two are still equal.
+    """
+    count = Counter(joint for joints in names.values() for joint in joints)
+    unique = {
+        arm: tuple(f"{arm}_{joint}" if count[joint] > 1 else joint for joint in joints)
+        for arm, joints in names.items()
+    }
+    joint, times = Counter(listed(unique)).most_common(1)[0]
+    if times > 1:
+        raise InputError(f"two joints would be called {joint!r}; rename an arm", key="joint_names")
+    return unique
+
+
+def listed(names: ByArm) -> list[str]:
+    """The names of all arms' joints, in file order."""
+    return [joint for joints in names.values() for joint in joints]
+
+
+def xml_text(root: ET.Element) -> str:
+    """An XML document as indented text.
+
+    Raises:
+        InputError: a name has a character that XML cannot hold.
+    """
+    ET.indent(root)
+    text = ET.tostring(root, encoding="unicode") + "\n"
+    try:
+        ET.fromstring(text)
+    except ET.ParseError:
+        raise InputError("has a name with a character that XML cannot hold") from None
+    return text

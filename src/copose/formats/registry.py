@@ -9,13 +9,43 @@ from pathlib import Path
 from copose.errors import InputError, nearest
 from copose.formats.csv_tables import posture_csv, trajectory_csv
 from copose.formats.keyframes import keyframes_xml
-from copose.formats.moveit import robot_state_yaml, robot_trajectory_yaml
-from copose.formats.pages import motion_page, posture_page
-from copose.formats.postures import ExportedPosture
-from copose.formats.ros import joint_state_yaml, joint_trajectory_yaml
+from copose.formats.postures import ExportedPosture, knots, problem_of
+from copose.formats.ros import (
+    joint_state_yaml,
+    joint_trajectory_yaml,
+    robot_state_yaml,
+    robot_trajectory_yaml,
+)
 from copose.formats.srdf import group_state_srdf
 from copose.problem import SPACES, Problem
 from copose.results import Motion, Solution, write_file
+
+
+def posture_page(exported: ExportedPosture) -> str:
+    """One page that shows a posture, and the one before as a ghost.
+
+    Raises:
+        InputError: the problem cannot be read or is not the result's, or viser is not installed.
+    """
+    # Pages need packages that the other formats do without.
+    from copose.viewer import page_html
+
+    solution = exported.solution
+    problem = problem_of(solution, exported.problem, "html")
+    return page_html(solution, problem, posture=exported.posture)
+
+
+def motion_page(motion: Motion, problem: Problem | None) -> str:
+    """One page that plays a motion.
+
+    Raises:
+        InputError: nothing moves, the problem cannot be read or is not the result's, or viser is
+            not installed.
+    """
+    knots(motion)
+    from copose.viewer import page_html
+
+    return page_html(motion, problem_of(motion, problem, "html"))
 
 
 @dataclass(frozen=True)

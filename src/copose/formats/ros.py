@@ -1,11 +1,12 @@
-"""Messages of ROS as YAML: a posture is a JointState, a motion a JointTrajectory."""
+"""Messages of ROS and MoveIt as YAML."""
 
 from __future__ import annotations
 
+import textwrap
+
 import numpy as np
 
-from copose.formats.names import ByArm, listed, unique_names
-from copose.formats.postures import ExportedPosture, knots
+from copose.formats.postures import ByArm, ExportedPosture, knots, listed, unique_names
 from copose.poses import Array
 from copose.results import Motion, stacked
 
@@ -66,3 +67,21 @@ def _number(value: float) -> str:
 def _quoted(word: str) -> str:
     plain = (c if c.isprintable() and c not in '"\\' else f"\\U{ord(c):08x}" for c in word)
     return f'"{"".join(plain)}"'
+
+
+def robot_state_yaml(exported: ExportedPosture) -> str:
+    """A ``moveit_msgs/RobotState`` that changes the arms' joints and leaves all others.
+
+    Raises:
+        InputError: two joints would have one name.
+    """
+    return f"joint_state:\n{textwrap.indent(joint_state_yaml(exported), '  ')}is_diff: true\n"
+
+
+def robot_trajectory_yaml(motion: Motion) -> str:
+    """A ``moveit_msgs/RobotTrajectory``.
+
+    Raises:
+        InputError: nothing moves, or two joints would have one name.
+    """
+    return f"joint_trajectory:\n{textwrap.indent(joint_trajectory_yaml(motion), '  ')}"

@@ -5,9 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 
-from copose.formats.markup import xml_text
-from copose.formats.names import unique_names
-from copose.formats.postures import ExportedPosture
+from copose.formats.postures import ExportedPosture, unique_names, xml_text
 
 
 def group_state_srdf(exported: ExportedPosture) -> str:

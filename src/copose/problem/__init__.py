@@ -27,8 +27,7 @@ from copose.problem.objects import (
 from copose.problem.path import PathSpec, PlanarWaypoint, Waypoint
 from copose.problem.spaces import SPACES, Space, SpaceName
 from copose.problem.spec import SCHEMA, ConstraintsSpec, PlanarProblem, Problem, SpatialProblem
-from copose.problem.structure import same_structure
-from copose.problem.variants import case_problems, changed, displaced, held
+from copose.problem.variants import case_problems, changed, displaced, held, same_structure
 
 __all__ = [
     "OBJECTIVE_TABLES",

@@ -1,8 +1,9 @@
-"""Variants of a problem: displaced, one for each case, with nothing but joints free."""
+"""The structure of a problem, and its variants: displaced, one for each case, joints alone free."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -56,3 +57,41 @@ def changed(problem: Problem, update: Mapping[str, object]) -> Problem:
     other = problem.model_copy(update=update)
     other._source = problem.source
     return other
+
+
+def same_structure(one: Problem, other: Problem, *, movable: bool = False) -> bool:
+    """True where two problems differ in parameters alone.
+
+    Parameters are the pose of the object, its mass and inertia, the directions of the objective and
+    their weights, and where ``movable``, poses of grasps, and of bases where neither bodies nor
+    contacts have limits. Names, paths and seeds do not matter.
+    """
+    return _structure(one, movable) == _structure(other, movable)
+
+
+def _structure(problem: Problem, movable: bool) -> dict[str, Any]:
+    """Everything but parameters."""
+    thing = problem.object
+    turn = "angle" if problem.space.planar else "rpy"
+    inertia = None if thing.inertia is None else 0.0
+    neutral = {"position": None, turn: None, "mass": None, "inertia": inertia}
+    arms: tuple[object, ...] = problem.arms
+    if movable:
+        limits = problem.constraints
+        gripped = any(arm.grip.force or arm.grip.moment for arm in problem.arms)
+        rooted = limits.collision or limits.internal_force is not None or gripped
+        places = {"grasp": None} if rooted else {"grasp": None, "base": None}
+        arms = tuple(arm.model_copy(update=places) for arm in problem.arms)
+    return {
+        "task": problem.task,
+        "object": thing.model_copy(update=neutral),
+        "arms": arms,
+        "ellipsoid": problem.ellipsoid,
+        "objective": problem.objective.structure,
+        "world": problem.world,
+        "constraints": problem.constraints,
+        "obstacles": problem.obstacles,
+        "cases": problem.cases,
+        "reachable": problem.search.reachable,
+        "folder": None if problem.source is None else problem.source.parent,
+    }

@@ -19,7 +19,6 @@ from copose.results.files import (
     whole_file,
     write_file,
 )
-from copose.results.limits import AccelerationRecord, ExactSetRecord, WrenchRecord
 from copose.results.motion import (
     Knot,
     Motion,
@@ -36,7 +35,17 @@ from copose.results.posture import (
     frame,
     place,
 )
-from copose.results.records import CompanionRecord, EllipsoidRecord, Matrix, Vector, matrix, vector
+from copose.results.records import (
+    AccelerationRecord,
+    CompanionRecord,
+    EllipsoidRecord,
+    ExactSetRecord,
+    Matrix,
+    Vector,
+    WrenchRecord,
+    matrix,
+    vector,
+)
 from copose.results.solution import (
     FreeRecord,
     JointRecord,

@@ -10,14 +10,16 @@ from pydantic_core.core_schema import SerializerFunctionWrapHandler
 
 from copose.poses import Array, Pose
 from copose.results import arrays
-from copose.results.limits import AccelerationRecord, ExactSetRecord, WrenchRecord
 from copose.results.records import (
+    AccelerationRecord,
     CompanionRecord,
     EllipsoidRecord,
+    ExactSetRecord,
     Finite,
     Matrix,
     Record,
     Vector,
+    WrenchRecord,
     vector,
 )
 

@@ -1,7 +1,6 @@
 """Each arm as plain numbers: joints, placements, inertias, limits."""
 
-from copose.robots.arm import Arm, Body, Joint, finite_range, freed
-from copose.robots.arm_start import ArmStart
+from copose.robots.arm import Arm, ArmStart, Body, Joint, finite_range, freed
 from copose.robots.problem_arms import WholeRobot, load_arms, whole_robots
 
 __all__ = [

@@ -16,8 +16,7 @@ from copose.robots.files.tree import MOVABLE, Standing, Tree, TreeJoint
 from copose.robots.files.xacro_file import XACRO
 from copose.robots.limits import LimitNotes, check_lengths, start_within_limits
 from copose.robots.plausibility import inertia_oddities, limit_oddities, negative_inertias
-from copose.robots.robot import Robot
-from copose.robots.robot_on_base import RobotOnBase
+from copose.robots.robot import Robot, RobotOnBase
 
 
 def robot_arm(spec: RobotArm, robot: Robot, key: str, *, weighed: bool) -> tuple[Arm, RobotOnBase]:

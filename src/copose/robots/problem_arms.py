@@ -12,8 +12,7 @@ from copose.robots.arm import Arm
 from copose.robots.chain_arm import robot_arm
 from copose.robots.files.tree import Tree
 from copose.robots.planar import planar_arm
-from copose.robots.robot import RobotsRead, read_robot
-from copose.robots.robot_on_base import RobotOnBase
+from copose.robots.robot import RobotOnBase, RobotsRead, read_robot
 from copose.selection import groups
 
 

@@ -23,11 +23,9 @@ from copose.progress import stage
 from copose.robots import Arm, ArmStart
 from copose.self_motion.kernels import ArmKernels
 from copose.setup.chains import ChainOptions
-from copose.setup.grasps import GraspedObject, choose
-from copose.setup.hands import Hand
+from copose.setup.grasps import GraspedObject, Hand, choose
 from copose.setup.layout import Reach, bases, places
-from copose.setup.problem_text import number
-from copose.setup.problem_writer import GuessedBox, Wishes, Writer
+from copose.setup.problem_writer import GuessedBox, Wishes, Writer, number
 from copose.setup.robot_entries import NamedArm, RobotEntry, named_arms
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from copose.errors import InputError
 from copose.results import whole_file
 from copose.results.arrays import package
-from copose.studies.folder import StudyFolder
 from copose.studies.points.hashes import RECORD_FORMAT
 from copose.studies.points.points import Axis
+from copose.studies.study import StudyFolder
 from copose.studies.table import StudyTable, by_arm
 
 if TYPE_CHECKING:

@@ -1,16 +1,18 @@
-"""A study: its file, the points that it asks for, and the problem at each of them."""
+"""A study: its file, the points that it asks for, the problem at each of them, and its folder."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Self
 
 from copose.errors import InputError
 from copose.problem import read_text, tables_in
-from copose.studies.points.hashes import PointHashes, RobotDigests
-from copose.studies.points.index import PointIndex
+from copose.results import write_file
+from copose.studies.points.hashes import PointHashes, PointIndex, RobotDigests
 from copose.studies.points.points import Points
 from copose.studies.points.problems import PointProblems
 from copose.studies.robot_files import RobotFiles
@@ -85,3 +87,57 @@ class Study:
     def index(self) -> PointIndex:
         """The points by their hashes."""
         return PointIndex(self.points, self.hashes)
+
+
+@dataclass(frozen=True)
+class StudyFolder:
+    """The folder of a study."""
+
+    path: Path
+
+    @property
+    def record(self) -> Path:
+        """A line of JSON for each point that is done."""
+        return self.path / "study.jsonl"
+
+    @property
+    def parquet(self) -> Path:
+        """The same as a table."""
+        return self.path / "study.parquet"
+
+    @property
+    def picture(self) -> Path:
+        """The map."""
+        return self.path / "map.png"
+
+    @property
+    def about(self) -> Path:
+        """Texts of the study file and the problem file that the record is of."""
+        return self.path / "study.json"
+
+    @property
+    def crashes(self) -> Path:
+        """The point that a plain loop is at; there while it runs, and after a crash."""
+        return self.path / ".study-crashes"
+
+    def remember(self, study: Study) -> None:
+        """Write which study the folder is of.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        write_file(self.about, (json.dumps(study.texts, indent=1) + "\n").encode())
+
+    def study(self) -> Study:
+        """The study that the folder is of.
+
+        Raises:
+            InputError: there is none, or its robots cannot be read any more.
+        """
+        if not self.about.is_file():
+            raise InputError("is no folder of a study: there is no study.json", file=self.path)
+        try:
+            texts = json.loads(read_text(self.about))
+            return Study.of_texts(texts)
+        except (ValueError, KeyError, TypeError) as error:
+            raise InputError(f"is no copose study ({error})", file=self.about) from None

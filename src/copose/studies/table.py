@@ -10,9 +10,8 @@ from typing import Any, Literal, Self
 import numpy as np
 
 from copose.poses import Array, Indices
-from copose.studies.folder import StudyFolder
 from copose.studies.record import RecordLines
-from copose.studies.study import Study
+from copose.studies.study import Study, StudyFolder
 
 Status = Literal["solved", "infeasible", "failed", "missing"]
 

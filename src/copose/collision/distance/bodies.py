@@ -3,22 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from heapq import heapify, heapreplace
 
 import numpy as np
 
-from copose.collision.carriers import Placements
+from copose.collision.carriers import Carrier, Placements
 from copose.collision.distance.arm_combinations import ArmCombinations
 from copose.collision.distance.clearance_test import ClearanceTest, ClearanceTestOptions
 from copose.collision.distance.paired_solids import PairedSolids
 from copose.collision.distance.part_distances import PartDistances
 from copose.collision.distance.placed_parts import PartPoses, PlacedPart
 from copose.collision.distance.round_solids import RoundSolids
-from copose.collision.distance.witnesses import Nearest, Witness
 from copose.collision.shapes.solids import Solid
 from copose.poses import Array, Indices, Mask
 from copose.robots import Arm
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The two tested solids that are nearest to each other."""
+
+    distance: float  # of the original shapes, m; ≤ 0 where they overlap
+    pair: tuple[str, str]  # their names
+
+
+@dataclass(frozen=True, eq=False)
+class Witness:
+    """The points at which two shapes are nearest to each other, or overlap deepest."""
+
+    pair: int  # number of the tested pair that they are parts of
+    distance: float  # m; where they overlap −(the depth of their hulls)
+    first: Carrier  # the carrier of the first shape
+    second: Carrier  # the carrier of the other
+    a: Array  # the first's point, in its carrier's frame, (3,)
+    b: Array  # the other's point, in its carrier's frame, (3,)
+    # Unit, in the world, from the first to the other, (3,): moved along with the carriers n·(b − a)
+    # is the distance to first order.
+    normal: Array
 
 
 class Bodies(PairedSolids):

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from copose.collision.links.link_geometry import Geometry, LinkPair, Looks, only_visual
-from copose.collision.shapes.meshes import Mesh
-from copose.collision.shapes.polyhedra import ellipsoid_mesh, mesh_of
+from copose.collision.shapes.meshes import Mesh, ellipsoid_mesh, mesh_of
 from copose.collision.shapes.primitives import Primitive
 from copose.collision.shapes.solids import Part, Shape
 from copose.poses import Pose

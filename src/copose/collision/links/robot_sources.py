@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from copose.collision.links.link_formats import LINK_FORMATS
+from copose.collision.links.link_shapes import LINK_FORMATS
 from copose.robots.files.file_paths import PACKAGE
-from copose.robots.files.mjcf_parts import mjcf_files
+from copose.robots.files.mjcf_model import mjcf_files
 from copose.robots.robot import Robot
 
 

@@ -1,11 +1,18 @@
-"""The first ^C of a search, which ends it with the best so far instead of ending the process."""
+"""`^C`: what commands do then, and a page that is served until it is pressed."""
 
 from __future__ import annotations
 
 import contextlib
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+from copose.commands.terminal.output import print_line, tell
+
+if TYPE_CHECKING:
+    from copose.live import LivePage
 
 
 @contextlib.contextmanager
@@ -25,3 +32,16 @@ def on_interrupt(act: Callable[[], None]) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def serve(page: LivePage) -> None:
+    """Say where a page is, and wait for ^C."""
+    # A handler may come in the middle of anything: it takes no lock.
+    interrupts: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
+    print_line(f"open at {page.address}; ^C ends it")
+    while not interrupts:
+        # Between two looks at whether ^C was pressed, s.
+        time.sleep(0.2)
+    page.stop()
+    tell("interrupted: the page is closed")

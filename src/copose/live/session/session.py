@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
-from copose.batch.planner_cache import PlannerCache
+from copose.batch.point_solver import PlannerCache
 from copose.errors import InputError
 from copose.live.problem_file.document import Changes, Document, same_layout
 from copose.live.session.state import SearchAim, State, Step
