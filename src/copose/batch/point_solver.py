@@ -102,11 +102,8 @@ class PointSolver:
         self._planner(self._recipe.problems.at(values))
 
     def line(self, point: Point, solving: Guard = lambda _: nullcontext()) -> PointLine:
-        """The line of a point; whatever fails is a line that says so.
-
-        Args:
-            point: to be solved.
-            solving: a context that is entered while it is being solved, all built.
+        """The line of a point; whatever fails is a line that says so. A context may be entered
+        while it is being solved, all built.
 
         Raises:
             StoppedError: the call around has to end.

@@ -35,17 +35,7 @@ class Display:
         self, server: viser.ViserServer, session: Session, worker: Worker, stage: PageScene,
         panel: PagePanel, path: PathPlayer | None, options: PageOptions,
     ) -> None:  # fmt: skip
-        """The display of a page.
-
-        Args:
-            server: the page's server.
-            session: the problem and its posture.
-            worker: the worker, whose tasks end transitions.
-            stage: the scene.
-            panel: the panel.
-            path: the player of the path, which the display is told of; None without a path.
-            options: times.
-        """
+        """The display of a page; tasks that wait at the worker end transitions."""
         self._server, self._session, self._worker = server, session, worker
         self._stage, self._panel, self._path, self._options = stage, panel, path, options
         if path is not None:

@@ -71,11 +71,7 @@ class LivePage:
             self._page.drag(gizmo, pose, phase)
 
     def show_point(self, point: int) -> None:
-        """Show a point of the study that is open, as a click on it does.
-
-        Args:
-            point: its number.
-        """
+        """Show a point of the study that is open, by its number, as a click on it does."""
         self._page.show_point(point)
 
     def settle(self, timeout_s: float = 60.0) -> bool:

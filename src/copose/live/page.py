@@ -188,13 +188,7 @@ class Page:
         stop(self.server)
 
     def drag(self, gizmo: Gizmo, pose: Pose, phase: str = "update") -> None:
-        """Drag a gizmo as a hand does with the mouse.
-
-        Args:
-            gizmo: the gizmo.
-            pose: its pose in the world.
-            phase: start, update or end.
-        """
+        """Drag a gizmo to a pose in the world as a hand does; the phase is start, update or end."""
         self.stage.gizmos.drag(gizmo, pose, phase, self._dragged)
 
     # Actions of the panel, see `Acts`.

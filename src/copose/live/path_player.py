@@ -41,14 +41,7 @@ class PathDrawing:
         self, scene: viser.SceneApi, waypoints: Sequence[Pose], size: float,
         look: PathLook = PathLook(),
     ) -> None:  # fmt: skip
-        """Draw a path.
-
-        Args:
-            scene: the scene.
-            waypoints: of the object's centre of mass in the world.
-            size: size of the scene, m.
-            look: its look.
-        """
+        """Draw a path through poses of the object in a scene of a size, m."""
         self._waypoints: list[Pose] = []
         self._top = scene.add_frame(node("path"), show_axes=False)
         length = look.axis * size
@@ -107,14 +100,7 @@ class PathPlayer:
     def __init__(
         self, session: Session, worker: Worker, server: viser.ViserServer, scene: CellScene
     ) -> None:
-        """Draw the path.
-
-        Args:
-            session: the session; its problem has a path.
-            worker: the page's worker.
-            server: the page's server.
-            scene: the page's scene, fit to a posture.
-        """
+        """Draw the path of a session's problem in a scene that is fit to a posture."""
         self.motion, self.shown = PathMotion(session), False
         self._session, self._worker, self._server, self._scene = session, worker, server, scene
         self._playing = self._planning = False

@@ -21,13 +21,7 @@ class Worker:
     def __init__(
         self, rested: Task, failed: Callable[[Exception], object], *, rest_s: float = 0.25
     ) -> None:
-        """Begin to wait for tasks.
-
-        Args:
-            rested: task that is done when the hand rests.
-            failed: function that is told of errors of tasks.
-            rest_s: time without a move that counts as rest, s.
-        """
+        """Begin to wait for tasks; a time without a move, s, is rest."""
         self._rested, self._failed, self._rest_s = rested, failed, rest_s
         self._ready = threading.Condition()
         self._tasks: deque[Task] = deque()
@@ -48,12 +42,7 @@ class Worker:
             self._ready.notify_all()
 
     def move(self, task: Task, *, rests: bool = True) -> None:
-        """Do a task soon, unless another one like it comes first.
-
-        Args:
-            task: the task.
-            rests: whether the work of rest follows it.
-        """
+        """Do a task soon, unless another one like it comes first; rest may follow it."""
         with self._ready:
             self._move, self._rests = task, rests
             self._ready.notify_all()

@@ -14,11 +14,7 @@ class LimitNotes:
     """Notes on limits of an arm's joints that are read otherwise than its file says."""
 
     def __init__(self, no_limit: float = 1e6) -> None:
-        """Begin without any.
-
-        Args:
-            no_limit: a position limit of this size or more stands for none.
-        """
+        """Begin without any; a position limit of a size or more stands for none."""
         self._no_limit = no_limit
         self._joints: dict[str, list[str]] = {}
 

@@ -33,13 +33,8 @@ class Hand:
 
     @classmethod
     def of(cls, robot: Robot, shapes: LinkShapes, arm: Arm, locked: dict[str, float]) -> Hand:
-        """The hand of an arm, by its wrist, its shapes and its tip.
-
-        Args:
-            robot: the robot.
-            shapes: of its links.
-            arm: in the robot.
-            locked: positions of joints that are held, by name.
+        """The hand of an arm, by its wrist, its shapes and its tip, with joints that are held by
+        name.
         """
         longest = 0.25  # reach of a hand, m
         no_way = 0.01  # distance that shows no direction, m

@@ -66,15 +66,8 @@ def first_camera(
     planar: bool,
     options: CameraOptions = CameraOptions(),
 ) -> Camera:
-    """An eye that sees a posture as pictures do: hands and object above all; the plane from above.
-
-    Args:
-        posture: what is to be seen.
-        arms: the arms.
-        looks: of their links.
-        points: of the object and of what is to be in the picture, m, (k, 3).
-        planar: whether the arms move in the x-y plane.
-        options: of the view.
+    """An eye that sees a posture, and points, m, (k, 3), as pictures do: hands and object above
+    all; the plane from above.
     """
     if planar:
         right, up, toward = np.eye(3)

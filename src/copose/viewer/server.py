@@ -17,12 +17,7 @@ _LOCK = threading.Lock()
 
 
 def quiet_server(host: str = "127.0.0.1", port: int = 0, label: str | None = None) -> ViserServer:
-    """A viser server that prints neither its address nor anything else.
-
-    Args:
-        host: the address that it listens on.
-        port: alike; 0 for any that is free.
-        label: what its panel is called.
+    """A viser server that prints neither its address nor anything else; port 0 is any that is free.
 
     Raises:
         InputError: viser is not installed.

@@ -32,13 +32,7 @@ class PairedSolids:
     """
 
     def __init__(self, solids: Sequence[Solid], pairs: Indices, arms: Sequence[Arm]) -> None:
-        """Find a ball round each solid.
-
-        Args:
-            solids: all.
-            pairs: numbers of those that are tested against each other, (p, 2).
-            arms: that carry them.
-        """
+        """Find a ball round each solid; pairs of them, (p, 2), are tested against each other."""
         self.solids, self.pairs, self.arms = tuple(solids), pairs, tuple(arms)
         self.carriers = carriers_of(arms)
         number = {carrier: i for i, carrier in enumerate(self.carriers)}

@@ -42,12 +42,8 @@ class RoundSolids:
         return self._segments.moved(where, self._solids.carrier)
 
     def distances(self, where: Placements, rows: Indices, pairs: Indices) -> Array:
-        """Distances of round pairs, one in each of some configurations, m, (k,).
-
-        Args:
-            where: placements in configurations.
-            rows: numbers of configurations, (k,).
-            pairs: numbers of tested pairs, (k,).
+        """Distances of round pairs, m, (k,), by numbers of configurations and of tested pairs,
+        (k,).
         """
         a, b = self._solids.pairs[pairs].T
         segments = self.segments(where)

@@ -20,12 +20,7 @@ from copose.robots.robot import Robot
 
 
 def mjcf_geometry(robot: Robot, measured: bool = False) -> Geometry:
-    """The geoms of a model's bodies that may touch, or all where none may.
-
-    Args:
-        robot: the model, read.
-        measured: without effect; the model's meshes are in memory.
-    """
+    """The geoms of a model's bodies that may touch, or all where none may."""
     tree = robot.tree
     reader = _Reader(tree.model)
     notes = []

@@ -28,11 +28,6 @@ def ignored_links(
 ) -> tuple[set[LinkPair], list[str]]:
     """Pairs of links that are not tested, and notes that count them.
 
-    Args:
-        tree: the robot.
-        arms: its arms as in the problem, by number.
-        most_bytes: of an SRDF.
-
     Raises:
         InputError: a problem names a link that the robot does not have.
     """

@@ -22,13 +22,8 @@ from copose.robots.robot import Robot
 def urdf_geometry(robot: Robot, measured: bool = False) -> Geometry:
     """The collision elements of a URDF's links, or what stands in for them.
 
-    Visual elements stand in where a link's collision elements cannot be read, and where the
-    URDF has no collision elements at all.
-
-    Args:
-        robot: the URDF, read.
-        measured: whether only their sizes are needed, for which meshes are read in a third of the
-            time.
+    Visual elements stand in where a link's collision elements cannot be read, and where the URDF
+    has no collision elements at all.
     """
     tree = robot.tree
     links = {name: link.element for name, link in tree.links.items() if link.element is not None}

@@ -29,14 +29,7 @@ class HandPanel:
     def __init__(
         self, controls: Controls, spare: Mapping[str, int], acts: HandActs, *, farthest: float = 1.5
     ) -> None:
-        """Build the controls.
-
-        Args:
-            controls: the panel's controls.
-            spare: degrees of freedom to spare, by arm.
-            acts: the actions.
-            farthest: ends of sliders that move an arm from its posture, rad (or m).
-        """
+        """Build the controls; ``farthest`` are ends of sliders that move an arm, rad (or m)."""
         self._controls, self._acts = controls, acts
         gui = controls.gui
         gui.add_markdown(_introduction(any(d > 0 for d in spare.values())))

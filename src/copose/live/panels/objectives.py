@@ -20,11 +20,8 @@ KINDS = tuple(dict.fromkeys((*OBJECTIVE_WORDS, *OBJECTIVE_TABLES)))
 
 
 def offered(document: Document, solution: Solution) -> list[str]:
-    """Kinds of objectives that a problem can have with its gravity, axes and torque limits.
-
-    Args:
-        document: the problem.
-        solution: a result of it, which states the limits.
+    """Kinds of objectives that a problem can have with its gravity, axes and torque limits, which a
+    result of it states.
     """
     limits = [joint.torque for joints in solution.limits.values() for joint in joints]
     own = document.problem({}).objective.kind

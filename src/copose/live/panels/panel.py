@@ -63,16 +63,8 @@ class PagePanel:
         cases: Sequence[str] = (),
         times: ProgressTimes = ProgressTimes(),
     ) -> None:
-        """Build the controls.
-
-        Args:
-            gui: the panel of viser.
-            problem: the problem that the page opens with.
-            spare: degrees of freedom to spare, by arm.
-            acts: the actions.
-            kinds: kinds of objectives that the problem can have.
-            cases: names of the file's cases, of which the first is shown.
-            times: times of progress.
+        """Build the controls of a problem with some degrees of freedom to spare, by arm, kinds of
+        objectives that it can have, and cases, of which the first is shown.
         """
         self._gui, self._acts, self._controls, self._times = gui, acts, Controls(gui), times
         self._state: State | None = None
@@ -125,12 +117,7 @@ class PagePanel:
             self._show(state)
 
     def show_instant(self, head: str, state: State) -> None:
-        """Show, in place of the posture, arms at an instant of a motion.
-
-        Args:
-            head: its headline, HTML.
-            state: the state with its measures.
-        """
+        """Show, in place of the posture, arms at an instant of a motion under a headline, HTML."""
         put_content(self._head, head)
         put_content(self._bars, readout.joint_bars(state))
 

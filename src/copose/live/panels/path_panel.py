@@ -115,13 +115,7 @@ class PathPanel:
     """Buttons, the slider of time, numbers and curves."""
 
     def __init__(self, controls: Controls, stem: str, acts: PathActs) -> None:
-        """Build the controls.
-
-        Args:
-            controls: the panel's controls.
-            stem: beginning of the names of files.
-            acts: the actions.
-        """
+        """Build the controls; names of files begin with a stem."""
         self._controls = controls
         self._course: PlannedMotion | None = None
         gui = controls.gui

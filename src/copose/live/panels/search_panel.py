@@ -30,14 +30,7 @@ class SearchPanel:
     def __init__(
         self, controls: Controls, seed: int, acts: SearchActs, *, buttons: int = 8
     ) -> None:
-        """Build the controls.
-
-        Args:
-            controls: the panel's controls.
-            seed: the problem's.
-            acts: the actions.
-            buttons: local optima that are listed at most.
-        """
+        """Build the controls, with as many buttons as local optima are listed at most."""
         self._controls, self._acts = controls, acts
         self._shown: Sequence[Optimum] = ()
         self._add_search(seed, buttons)

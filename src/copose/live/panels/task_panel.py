@@ -38,14 +38,7 @@ class TaskPanel:
     def __init__(
         self, controls: Controls, problem: Problem, kinds: Sequence[str], acts: TaskActs
     ) -> None:
-        """Build the controls.
-
-        Args:
-            controls: the panel's controls.
-            problem: the problem that the page opens with.
-            kinds: kinds of objectives that it can have.
-            acts: the actions.
-        """
+        """Build the controls of a problem that can have some kinds of objectives."""
         self._controls, self._gui, self._acts = controls, controls.gui, acts
         self._opened = self._problem = problem
         self._names = [problem.space.coordinates[axis] for axis in problem.axes]

@@ -79,11 +79,6 @@ def motion_svg(
 ) -> str:
     """The charts of ``path.png``, one below the other, with a cursor through all of them, which
     `cursor_style` puts at an instant.
-
-    Args:
-        motion: with knots.
-        width: width of the drawing, px.
-        look: sizes and colours.
     """
     assert motion.time is not None
     time = np.array(motion.time)

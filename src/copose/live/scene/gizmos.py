@@ -142,14 +142,8 @@ class Gizmos:
         self, scene: viser.SceneApi, problem: Problem, dragged: Dragged, size: float,
         look: GizmoLook = GizmoLook(),
     ) -> None:  # fmt: skip
-        """Add all gizmos; only the object's is seen.
-
-        Args:
-            scene: the scene.
-            problem: the problem that the page opens with.
-            dragged: function that is told of drags, on the page's thread and in order.
-            size: size of the scene, m.
-            look: sizes.
+        """Add all gizmos, of which only the object's is seen, to a scene of a size, m; ``dragged``
+        is told of drags, on the page's thread and in order.
         """
         self._planar, self._size, self._look = problem.space.planar, size, look
         self._active: Gizmo | None = None

@@ -26,12 +26,7 @@ class PageScene:
     """
 
     def __init__(self, server: viser.ViserServer, state: State, dragged: Dragged) -> None:
-        """Draw the state that a page opens with.
-
-        Args:
-            server: the page's server.
-            state: the first state.
-            dragged: function that is told of drags.
+        """Draw the state that a page opens with; ``dragged`` is told of drags.
 
         Raises:
             InputError: a robot cannot be read.

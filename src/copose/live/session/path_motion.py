@@ -147,13 +147,8 @@ class PathMotion:
     time: float = 0.0
 
     def plan(self, tell: Tell | None = None) -> bool:
-        """Plan the motion of the session's problem; where there is none the last one stays.
-
-        Args:
-            tell: function that is told of progress.
-
-        Returns:
-            Whether there is a new motion.
+        """Plan the motion of the session's problem, True where there is a new one; else the last
+        one stays.
         """
         problem = self.session.state.problem
         try:

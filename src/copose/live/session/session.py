@@ -124,11 +124,8 @@ class Session:
         self._tell(reached=True, origin=origin, shares=shares)
 
     def stay(self, document: Document, why: str) -> None:
-        """Show another problem, and the arms where they were: nothing is known to hold its object.
-
-        Args:
-            document: the problem.
-            why: nothing does, in words.
+        """Show another problem, and the arms where they were: nothing is known to hold its object,
+        and why.
 
         Raises:
             InputError: it cannot be used; nothing is changed then.
@@ -208,10 +205,6 @@ class Session:
 
     def change(self, changes: Changes, tell: Tell | None = None) -> None:
         """Change settings, which another search answers; a step that can be undone.
-
-        Args:
-            changes: by dotted path.
-            tell: function that is told of progress.
 
         Raises:
             InputError: no problem has such settings; nothing is changed then.

@@ -24,16 +24,8 @@ def self_motion_way(
     spare: Mapping[str, int],
     frames: int = 16,
 ) -> list[dict[str, list[float]]]:
-    """Postures from one to another that hold the object all the way; none where an arm would have
-    to let go, or where that cannot be said at once.
-
-    Args:
-        planner: the problem's planner.
-        problem: the problem, with the object at its present pose.
-        start: joint positions, rad or m, by arm.
-        end: joint positions, alike.
-        spare: degrees of freedom to spare, by arm.
-        frames: number of postures.
+    """Postures, joints by arm, from one to another that hold the object all the way; none where an
+    arm would have to let go, or where that cannot be said at once.
     """
     ways: dict[str, Array] = {}
     for arm, q in start.items():

@@ -22,11 +22,8 @@ class MovedBodies:
     """
 
     def __init__(self, tables: Tables, keys: Sequence[str]) -> None:
-        """The bodies that keys move.
-
-        Args:
-            tables: of the problem without the values of these keys.
-            keys: dotted paths that vary.
+        """The bodies that keys, dotted paths, move; the tables are the problem's without their
+        values.
         """
         self._tables = _places_of(tables)
         self._paths: dict[str, tuple[Any, ...]] = {"object": ("object", "position")}
@@ -40,12 +37,7 @@ class MovedBodies:
         self.names = tuple(name for name, of_keys in self._parts.items() if of_keys)
 
     def positions(self, name: str, columns: Mapping[str, Sequence[Any]]) -> Array:
-        """Positions of a body in the world, m, (count, 3).
-
-        Args:
-            name: of the body.
-            columns: values by key, one for each point.
-        """
+        """Positions of a body in the world, m, (count, 3), by columns of values of keys."""
         count = len(next(iter(columns.values())))
         positions = np.tile(self._position(name, {}), (count, 1))
         # Of two keys the later one counts, as in a problem.

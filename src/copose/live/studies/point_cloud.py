@@ -43,15 +43,7 @@ class PointCloud:
         standing: bool,
         look: CloudLook = CLOUD,
     ) -> None:
-        """A cloud without points yet.
-
-        Args:
-            scene: the scene.
-            marks: of the points.
-            size: of the scene, m.
-            standing: whether marks stand on their places; else these are their centres.
-            look: sizes and colours.
-        """
+        """A cloud without points yet; its marks stand on their places, or have them as centres."""
         self._scene, self._look = scene, look
         size = max(size, float(np.ptp(marks.places, axis=0).max()))
         self._radius = float(

@@ -33,13 +33,7 @@ def counts(points: StudyPoints) -> str:
 
 
 def point_summary(points: StudyPoints, line: Mapping[str, Any], title: str) -> str:
-    """A point: number, rank, status, reason, objective, values and what was recorded.
-
-    Args:
-        points: of the study.
-        line: of the point.
-        title: name of the objective with its unit.
-    """
+    """A point: number, rank, status, reason, objective, values and what was recorded."""
     rank = points.rank(line["point"])
     head = f"point {line['point']}"
     if rank is not None:
@@ -120,13 +114,7 @@ class StudyPanel:
     """The controls of a study, in a panel of their own."""
 
     def __init__(self, gui: viser.GuiApi, points: StudyPoints, acts: StudyActs) -> None:
-        """Build the controls.
-
-        Args:
-            gui: the panels of viser.
-            points: of the study.
-            acts: the actions.
-        """
+        """Build the controls."""
         self._controls, self._acts = Controls(gui), acts
         self._points, self._point = points, 0
         self._here: list[int] = []
@@ -144,15 +132,7 @@ class StudyPanel:
     def show(
         self, points: StudyPoints, point: int, here: list[int], objective: str, scale: ColorScale
     ) -> None:
-        """Show a point, and the ranking.
-
-        Args:
-            points: of the study.
-            point: number of the one that is shown.
-            here: numbers of all that stand where it does, the best first.
-            objective: its name with its unit.
-            scale: colours of the number that ranks.
-        """
+        """Show a point, with all that stand where it does, the best first, and the ranking."""
         self._points, self._point, self._here = points, point, here
         rank, line = points.rank(point), points.table.line(point)
         title = objective if points.value == "objective" else points.value

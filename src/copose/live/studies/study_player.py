@@ -41,13 +41,10 @@ class PointChoice:
         return self.session.document.point
 
     def take(self, point: int, case: str = "") -> None:
-        """Show a point: its problem, and the arms where they were recorded; nothing is searched.
+        """Show a point, of several cases one: its problem, and the arms where they were recorded;
+        nothing is searched.
 
         Where it is not solved the arms stay.
-
-        Args:
-            point: its number.
-            case: of several cases the one that is shown; default the one that is, or the first.
 
         Raises:
             InputError: there is no such point, its problem is wrong, or its robots are others now.

@@ -116,12 +116,8 @@ class _NamedFrame:
 
 
 def start_figure(problem: Problem, starts: Sequence[ArmStart], *, bodies: bool = True) -> Figure:
-    """Arms at their starts, the object, obstacles, and the frames of object, tips and grasps.
-
-    Args:
-        problem: the problem.
-        starts: starts of its arms.
-        bodies: whether links are drawn, or sticks between joints.
+    """Arms at their starts, as bodies or as sticks between joints, the object, obstacles, and the
+    frames of object, tips and grasps.
     """
     scene, planar = StartScene.of(problem, starts, bodies=bodies), problem.space.planar
     colors = arm_colors(scene.posture)

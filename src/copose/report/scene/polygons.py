@@ -41,13 +41,7 @@ class Polygons:
     """
 
     def __init__(self, view: View, size: float, look: PolygonLook = PolygonLook()) -> None:
-        """An empty scene.
-
-        Args:
-            view: the direction that it is seen from.
-            size: size of the scene, m.
-            look: light and edges.
-        """
+        """An empty scene of a size, m, seen from a direction."""
         self._right_up_eye, self._look, self._piece = view.axes, look, look.piece * size
         self._polygons: list[Array] = []
         self._faces: list[tuple[float, ...]] = []

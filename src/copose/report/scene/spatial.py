@@ -104,16 +104,7 @@ def draw_posture(
     ax: Any, polygons: Polygons, posture: Posture, solution: Drawn, links: Sequence[LinkBody],
     size: float,
 ) -> None:  # fmt: skip
-    """Arms and object.
-
-    Args:
-        ax: axes that lines are drawn into.
-        polygons: the polygons that bodies are added to.
-        posture: the posture.
-        solution: its result, or the problem.
-        links: bodies of the arms; without any they are drawn as sticks.
-        size: size of the scene, m.
-    """
+    """Arms, as sticks where no bodies of their links are given, and the object."""
     colors, thing = arm_colors(posture), object_faces(posture, solution)
     for link in links:
         polygons.solid(link.faces, link.normals, LOOK.before if link.arm is None

@@ -55,11 +55,6 @@ def radii_words(part: Slice | None) -> list[str]:
 def companion_tables(solution: Solution, posture: Posture, *, columns: int = 6) -> Iterator[Table]:
     """Tables with a row for each ellipsoid of velocities and of forces: its linear and angular
     semi-axes, and how far it reaches along every axis and every direction of the objective.
-
-    Args:
-        solution: the result of the posture.
-        posture: the posture.
-        columns: numbers beside one another.
     """
     records, axes = posture.companions or {}, solution.problem.axes
     limited = solution.problem.torque_scaling == "limits"

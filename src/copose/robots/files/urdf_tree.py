@@ -34,13 +34,7 @@ def read_tree(
     arguments: Mapping[str, str] | None = None,
     limits: ReadingLimits = READING_LIMITS,
 ) -> Tree:
-    """The tree of a URDF.
-
-    Args:
-        file: a URDF, or a .xacro, which is run.
-        packages: folders of packages by name, for xacro.
-        arguments: of a .xacro.
-        limits: of what is read.
+    """The tree of a URDF, or of a .xacro, which is run with its arguments and packages by name.
 
     Raises:
         InputError: no such file, broken XML or xacro, or no tree of links.

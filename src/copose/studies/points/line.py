@@ -105,12 +105,7 @@ def joints_of(answer: Solution | Motion) -> Mapping[str, Any] | None:
 
 
 def placement_of(problem: Problem, answer: Solution | Motion) -> Mapping[str, Any] | None:
-    """Where a solution has what may be moved, as values of keys; of cases by case.
-
-    Args:
-        problem: says what may be moved.
-        answer: a result of it.
-    """
+    """Where a solution has what may be moved, as values of keys; of cases by case."""
     if not isinstance(answer, Solution) or not answer.freedom:
         return None
     if answer.cases:
@@ -131,12 +126,7 @@ def _places(problem: Problem, posture: Posture) -> dict[str, Any]:
 
 
 def missing_arms(answer: Solution | Motion, closed: float = 1e-6) -> tuple[str, ...]:
-    """Arms that miss their grasp in the nearest miss.
-
-    Args:
-        answer: a result.
-        closed: m or rad: an arm that is nearer holds the object.
-    """
+    """Arms that miss their grasp in the nearest miss by more than counts as closed, m or rad."""
     miss: Posture | None = getattr(answer, "nearest_miss", None)
     if miss is None:
         return ()

@@ -39,16 +39,7 @@ def lay_grid(
     planar: bool,
     look: GridLook = GridLook(),
 ) -> None:
-    """Lay a grid under a cell, or behind it in the plane: ``/grid``.
-
-    Args:
-        scene: where it is drawn.
-        arms: which stand on it.
-        looks: of their links.
-        points: of the cell, m, (k, 3).
-        planar: whether arms move in the x-y plane.
-        look: sizes and colours.
-    """
+    """Lay a grid under a cell, or behind it in the plane: ``/grid``."""
     low, high = points.min(axis=0), points.max(axis=0)
     width = float(np.ceil(look.width * (high - low).max()))
     x, y, _ = np.round((low + high) / 2)
@@ -102,15 +93,7 @@ def light(scene: SceneApi, *, planar: bool, look: LightLook = LightLook()) -> No
 def light_from(
     scene: SceneApi, right: Array, up: Array, toward: Array, look: LightLook = LightLook()
 ) -> None:
-    """Light a scene from beside an eye.
-
-    Args:
-        scene: which.
-        right: the direction to the right in the eye's picture, unit, (3,).
-        up: the direction up in the picture, unit, (3,).
-        toward: the direction towards the eye, unit, (3,).
-        look: brightness and distance.
-    """
+    """Light a scene from beside an eye, by unit vectors to its right, up and towards it, (3,)."""
     x, y, z = look.distance * (toward + look.aside * (up - right))
     scene.add_light_directional(
         node("lights", "front"), intensity=look.front, position=(float(x), float(y), float(z))

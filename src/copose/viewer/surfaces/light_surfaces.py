@@ -188,13 +188,10 @@ def _merged(surface: Triangles, cells: int) -> Triangles:
 
 
 def creased(surface: Triangles, crease: float = np.radians(40.0)) -> Surface:
-    """A surface whose corners are apart where its faces meet at an edge, and one elsewhere.
+    """A surface whose corners are apart where its faces meet at an edge, beyond an angle, rad, and
+    one elsewhere.
 
     A page shades smoothly over corners that faces share.
-
-    Args:
-        surface: of any triangles.
-        crease: angle beyond which two faces meet at an edge, rad.
     """
     faces = surface.faces
     if not len(faces):
