@@ -19,13 +19,7 @@ from copose.results.files import (
     whole_file,
     write_file,
 )
-from copose.results.motion import (
-    Knot,
-    Motion,
-    PathSearchRecord,
-    RouteRecord,
-    TrackingRecord,
-)
+from copose.results.motion import Knot, Motion, PathSearchRecord, RouteRecord, TrackingRecord
 from copose.results.posture import (
     ArmRecord,
     CasePosture,

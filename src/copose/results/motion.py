@@ -10,12 +10,7 @@ from copose.results import arrays
 from copose.results.evidence import BasinRecord
 from copose.results.posture import Posture
 from copose.results.records import Finite, Record, Vector
-from copose.results.solution import (
-    JointRecord,
-    ObjectiveRecord,
-    ProblemRecord,
-    Timing,
-)
+from copose.results.solution import JointRecord, ObjectiveRecord, ProblemRecord, Timing
 
 if TYPE_CHECKING:
     import pandas

@@ -7,13 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from copose.live.plots.svg import (
-    PLOT,
-    PlotFrame,
-    drawing,
-    text,
-    ticks,
-)
+from copose.live.plots.svg import PLOT, PlotFrame, drawing, text, ticks
 from copose.poses import Array
 from copose.report.joint_curves import JointCurves, spread
 from copose.report.limit_use import limit_shares

@@ -10,12 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from copose.poses import Array, Indices
-from copose.report.studies.key_axes import (
-    KeyAxis,
-    named_axes,
-    titled,
-    value_words,
-)
+from copose.report.studies.key_axes import KeyAxis, named_axes, titled, value_words
 from copose.report.studies.places import StudyPlaces
 from copose.report.words import percent, three
 from copose.studies.table import StudyTable

@@ -9,14 +9,7 @@ from rich.console import RenderableType
 
 from copose.problem import SPACES
 from copose.report.limit_use import limit_shares
-from copose.report.text.columns import (
-    answer_page,
-    counted,
-    lines,
-    table,
-    times,
-    timing_line,
-)
+from copose.report.text.columns import answer_page, counted, lines, table, times, timing_line
 from copose.report.words import (
     evidence_words,
     failure_words,

@@ -7,14 +7,7 @@ from collections.abc import Iterator
 from rich.console import RenderableType
 
 from copose.problem import SPACES
-from copose.report.text.columns import (
-    answer_page,
-    counted,
-    lines,
-    table,
-    times,
-    timing_line,
-)
+from copose.report.text.columns import answer_page, counted, lines, table, times, timing_line
 from copose.report.text.ellipsoids import closure_row, companion_tables, ellipsoid_rows
 from copose.report.text.extremes import extreme_tables
 from copose.report.text.limits import joints_table, limit_lines, limit_rows

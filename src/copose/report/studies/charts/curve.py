@@ -12,12 +12,7 @@ from matplotlib.axes import Axes
 
 from copose.poses import Array, Indices
 from copose.report.look import LOOK
-from copose.report.studies.charts.endings import (
-    draw_endings,
-    ending_words,
-    hatch_of,
-    shown_endings,
-)
+from copose.report.studies.charts.endings import draw_endings, ending_words, hatch_of, shown_endings
 from copose.report.studies.charts.key_scales import broken, cell_edges, label_scale
 from copose.report.studies.map_content import MapContent
 from copose.report.studies.places import Codes

@@ -12,12 +12,7 @@ from matplotlib.collections import LineCollection
 
 from copose.poses import Array, Indices
 from copose.report.look import LOOK
-from copose.report.studies.charts.heat_map import (
-    ValueScale,
-    apart,
-    draw_best,
-    draw_largest,
-)
+from copose.report.studies.charts.heat_map import ValueScale, apart, draw_best, draw_largest
 from copose.report.studies.charts.key_scales import broken
 from copose.report.studies.key_axes import KeyAxis, in_lines
 from copose.report.studies.map_content import MapContent
