@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import viser
@@ -14,7 +15,7 @@ class Controls:
     """Makes controls whose handlers are called for hands alone.
 
     Viser calls handlers whoever has changed a control, for hands on threads of their own and in any
-    order: they ask controls for their values.
+    order.
 
     Attributes:
         gui: the panel of viser.
@@ -34,22 +35,36 @@ class Controls:
         finally:
             self._setter = None
 
-    def when(self, control: Any, act: Callable[[], object]) -> None:
-        """Do something when a hand changes a control."""
+    def when(self, control: Any, act: Callable[[Any], object]) -> None:
+        """Do something with the value of a control when a hand changes it."""
 
         def changed(_: object) -> None:
             if threading.get_ident() != self._setter:
-                act()
+                act(control.value)
 
         control.on_update(changed)
 
     def clicked(self, button: Any, act: Callable[[], object]) -> None:
         """Do something when a hand clicks a button."""
+        button.on_click(lambda _: act())
 
-        def pressed(_: object) -> None:
-            act()
+    def add_saving(
+        self, save: Callable[[str, str], object], *files: tuple[str, str, str | None]
+    ) -> viser.GuiHtmlHandle:
+        """Add a name and a button that saves for each kind of file: kind, usual name, hint.
 
-        button.on_click(pressed)
+        Returns:
+            HTML below them, for the outcome.
+        """
+
+        def written(kind: str, text: viser.GuiInputHandle[str]) -> None:
+            save(kind, text.value)
+
+        for kind, name, hint in files:
+            text = self.gui.add_text(kind, name, hint=hint)
+            button = self.gui.add_button(f"Save {kind}")
+            self.clicked(button, partial(written, kind, text))
+        return self.gui.add_html("")
 
 
 def put(control: Any, value: object) -> None:

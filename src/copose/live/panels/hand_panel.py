@@ -42,7 +42,7 @@ class HandPanel:
         for arm, d in spare.items():
             if d == 1:
                 slider = gui.add_slider(arm, 0.0, 1.0, 0.001, 0.5, disabled=True)
-                controls.when(slider, partial(self._slid, arm))
+                controls.when(slider, partial(acts.slide, arm))
                 self._sliders[arm], self._curves[arm] = slider, gui.add_html("")
             for k in range(d if d > 1 else 0):
                 jog = gui.add_slider(f"{arm}, {k + 1}", -farthest, farthest, 0.01, 0.0)
@@ -75,13 +75,10 @@ class HandPanel:
                 self._at[key] = 0.0
                 put(jog, 0.0)
 
-    def _slid(self, arm: str) -> None:
-        """Move an arm to the place of its slider."""
-        self._acts.slide(arm, float(self._sliders[arm].value))
-
-    def _jogged(self, arm: str, direction: int) -> None:
+    def _jogged(self, arm: str, direction: int, _: object) -> None:
         """Move an arm by the change of one of its jogs."""
         with self._jogging:
+            # The newest value, whichever thread comes first.
             value = float(self._jogs[arm, direction].value)
             amount, self._at[arm, direction] = value - self._at[arm, direction], value
         self._acts.jog(arm, direction, amount)

@@ -77,7 +77,7 @@ class PagePanel:
         self._own: list[Any] = [self._head, self._doing, self._bar, self._undo]
         if cases:
             case = gui.add_dropdown("case", list(cases), hint="each is a task of its own here")
-            self._controls.when(case, lambda: acts.pick(case.value))
+            self._controls.when(case, acts.pick)
             self._own.append(case)
         tabs = gui.add_tab_group()
         self._own.append(tabs)
@@ -98,7 +98,11 @@ class PagePanel:
         with tabs.add_tab("View"):
             self._add_view(problem)
         with tabs.add_tab("Save"):
-            self._add_saving(problem)
+            stem = _stem(problem)
+            self._saved = self._controls.add_saving(
+                acts.save, ("problem", f"{stem}-live.toml", None), ("result", "result.json", None),
+                ("picture", "before_after.png", None), ("page", f"{stem}.html", None),
+            )  # fmt: skip
         self.tabs = tabs
 
     def open(self, problem: Problem) -> None:
@@ -183,30 +187,7 @@ class PagePanel:
         )
         for name, value in parts.items():
             box = self._gui.add_checkbox(name, value)
-            self._controls.when(box, partial(self._see, name, box))
-
-    def _add_saving(self, problem: Problem) -> None:
-        """Add names of files and the buttons that write them."""
-        gui = self._gui
-        stem = _stem(problem)
-        kinds = {
-            "problem": f"{stem}-live.toml",
-            "result": "result.json",
-            "picture": "before_after.png",
-            "page": f"{stem}.html",
-        }
-        for kind, name in kinds.items():
-            text = gui.add_text(kind, name)
-            self._controls.clicked(gui.add_button(f"Save {kind}"), partial(self._save, kind, text))
-        self._saved = gui.add_html("")
-
-    def _see(self, name: str, box: Any) -> None:
-        """Show or hide a part of the scene as its box says."""
-        self._acts.show(name, box.value)
-
-    def _save(self, kind: str, text: Any) -> None:
-        """Write a file of the name that was typed."""
-        self._acts.save(kind, text.value)
+            self._controls.when(box, partial(self._acts.show, name))
 
 
 def _stem(problem: Problem) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from html import escape
 from typing import Protocol
 
@@ -125,20 +124,18 @@ class PathPanel:
         self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, disabled=True)
         controls.clicked(self._play, acts.play)
         self._time = gui.add_slider("time, s", 0.0, 1.0, 0.001, 0.0, disabled=True)
-        controls.when(self._time, lambda: acts.go(float(self._time.value)))
+        controls.when(self._time, acts.go)
         self._instant = gui.add_html("")
         self._curves = gui.add_html("")
         with gui.add_folder("Notes on the motion", expand_by_default=False):
             self._notes = gui.add_html("")
         with gui.add_folder("Save the motion", expand_by_default=False):
-            for kind, name, hint in (
-                ("motion", f"{stem}-motion", "folder of result.json, trajectory.csv, path.png"),
-                ("page", f"{stem}-motion.html", "a page that plays; opens from a file"),
-            ):
-                text = gui.add_text(kind, name, hint=hint)
-                button = gui.add_button(f"Save {kind}")
-                controls.clicked(button, partial(self._save, acts, kind, text))
-            self._saved = gui.add_html("")
+            folder = "folder of result.json, trajectory.csv, path.png"
+            page = "a page that plays; opens from a file"
+            self._saved = controls.add_saving(
+                acts.save, ("motion", f"{stem}-motion", folder),
+                ("page", f"{stem}-motion.html", page),
+            )  # fmt: skip
 
     def show(self, path: PathMotion) -> None:
         """Show the motion, where there is one, and the instant that is looked at."""
@@ -183,8 +180,3 @@ class PathPanel:
         for control in (self._play, self._time):
             if control.disabled == enabled:
                 control.disabled = not enabled
-
-    @staticmethod
-    def _save(acts: PathActs, kind: str, text: viser.GuiInputHandle[str]) -> None:
-        """Write a file of the name that was typed."""
-        acts.save(kind, text.value)

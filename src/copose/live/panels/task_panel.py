@@ -81,8 +81,8 @@ class TaskPanel:
             "objective", list(kinds), initial_value=problem.objective.kind,
             hint="what the posture is to be best at",
         )  # fmt: skip
-        self._controls.when(self._kind, lambda: acts.set(
-            {"objective": aims.objective_of_kind(self._opened, self._problem, self._kind.value)}
+        self._controls.when(self._kind, lambda kind: acts.set(
+            {"objective": aims.objective_of_kind(self._opened, self._problem, kind)}
         ))  # fmt: skip
         self._add_direction(problem)
         with gui.add_folder("Measure", expand_by_default=False):
@@ -99,9 +99,7 @@ class TaskPanel:
                 problem.ellipsoid.load_distribution,
             )  # fmt: skip
             self._gravity = gui.add_checkbox("gravity", problem.ellipsoid.gravity)
-            self._controls.when(
-                self._gravity, lambda: acts.set({"ellipsoid.gravity": self._gravity.value})
-            )
+            self._sets(self._gravity, "ellipsoid.gravity")
 
     def _add_direction(self, problem: Problem) -> None:
         """Add the direction's part and angles."""
@@ -132,7 +130,7 @@ class TaskPanel:
             ),
         )
 
-        def point() -> None:
+        def point(_: object) -> None:
             control = self._direction
             along = aims.pointing(
                 self._names, control.part.value, control.azimuth.value, control.elevation.value
@@ -146,7 +144,7 @@ class TaskPanel:
 
     def _add_constraints(self, problem: Problem) -> None:
         """Add mass and collision."""
-        gui, acts = self._gui, self._acts
+        gui = self._gui
         self._mass = gui.add_number(
             "object, kg", problem.object.mass, min=min(1e-6, problem.object.mass), step=0.1,
             hint="mass; the inertia stays as it is",
@@ -155,19 +153,21 @@ class TaskPanel:
         self._collision = gui.add_checkbox(
             "collision", problem.constraints.collision, hint="nothing may touch"
         )
-        self._controls.when(
-            self._collision, lambda: acts.set({"constraints.collision": self._collision.value})
-        )
+        self._sets(self._collision, "constraints.collision")
 
-    def _weigh(self) -> None:
+    def _weigh(self, mass: float) -> None:
         """Change the mass, but to 0, which is typed on the way to 0.5."""
-        if self._mass.value > 0:
-            self._acts.steer({"object.mass": float(self._mass.value)})
+        if mass > 0:
+            self._acts.steer({"object.mass": float(mass)})
+
+    def _sets(self, control: Any, key: str) -> None:
+        """Let a control set a key."""
+        self._controls.when(control, lambda value: self._acts.set({key: value}))
 
     def _chosen(
         self, label: str, key: str, options: tuple[str, ...], value: str
     ) -> viser.GuiDropdownHandle[str]:
         """A list of the values that a key may have."""
         control = self._gui.add_dropdown(label, options, initial_value=value)
-        self._controls.when(control, lambda: self._acts.set({key: control.value}))
+        self._sets(control, key)
         return control

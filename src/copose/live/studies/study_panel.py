@@ -157,13 +157,13 @@ class StudyPanel:
             value = gui.add_dropdown(
                 "value", numbers, initial_value=self._points.value, hint="colours and ranks points"
             )
-            self._controls.when(value, lambda: self._acts.rank_by(value.value))
+            self._controls.when(value, self._acts.rank_by)
         if len(bodies) > 1:
             body = gui.add_dropdown("points at", bodies, hint="where each body is at the points")
-            self._controls.when(body, lambda: self._acts.stand(body.value))
+            self._controls.when(body, self._acts.stand)
         if bodies:
             part = gui.add_dropdown("in the scene", PARTS, hint="points that the scene shows")
-            self._controls.when(part, lambda: self._acts.see(part.value))
+            self._controls.when(part, self._acts.see)
 
     def _add_steps(self, gui: viser.GuiApi) -> None:
         """Add what goes from point to point."""
@@ -172,7 +172,7 @@ class StudyPanel:
             "best → worst", 1, max(count, 2), 1, 1, visible=count > 1,
             hint="solved points in the order of their value",
         )  # fmt: skip
-        self._controls.when(self._rank, lambda: self._go_to_rank(int(self._rank.value) - 1))
+        self._controls.when(self._rank, lambda rank: self._go_to_rank(int(rank) - 1))
         steps = gui.add_button_group("", STEPS, visible=count > 0)
         self._controls.clicked(steps, lambda: self._step(steps.value))
         self._place = gui.add_slider(
@@ -182,7 +182,7 @@ class StudyPanel:
         self._number = gui.add_number(
             "point", 0, min=0, max=len(self._points.table) - 1, step=1, hint="by its number"
         )
-        self._controls.when(self._number, lambda: self._acts.go(int(self._number.value)))
+        self._controls.when(self._number, lambda number: self._acts.go(int(number)))
 
     def _step(self, word: str) -> None:
         """Go to the best point, or to the one before or after in the ranking."""
@@ -196,8 +196,8 @@ class StudyPanel:
         if 0 <= rank < len(self._points.ranking):
             self._acts.go(int(self._points.ranking[rank]))
 
-    def _go_here(self) -> None:
+    def _go_here(self, number: float) -> None:
         """Show another point of the same place."""
-        k = int(self._place.value) - 1
+        k = int(number) - 1
         if 0 <= k < len(self._here):
             self._acts.go(self._here[k])
