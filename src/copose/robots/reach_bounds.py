@@ -102,13 +102,10 @@ class ReachBound:
         return _kept(arm.joints, arm.tip, tuple(lower.tolist()), tuple(upper.tolist()))
 
     def missed(self, goal: Array, *, rigid: bool) -> float:
-        """A lower bound of the distance, m, by which the tip misses a goal.
+        """A lower bound of the distance, m, by which the tip misses a goal in the root frame, (7,);
+        where the orientation counts, points on the last axis are known too.
 
         If it is positive no posture within limits reaches the goal.
-
-        Args:
-            goal: of the tip in the root frame, position and quaternion, (7,).
-            rigid: whether the orientation counts: points on the last axis are then known too.
         """
         n, bound = len(self._joints), -np.inf
         turn = np.array(rotation_rows(goal[3:]), dtype=float) @ self._turn.T

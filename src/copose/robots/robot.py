@@ -41,13 +41,8 @@ RobotsRead: TypeAlias = dict[object, Robot]
 
 
 def read_robot(spec: RobotArm, folder: Path, key: str, read: RobotsRead) -> Robot:
-    """The robot of an arm's file, read once per file and folders of packages.
-
-    Args:
-        spec: the ``[[arms]]`` table.
-        folder: the problem file's, where relative paths start.
-        key: of the table, for messages.
-        read: robots already read; grows.
+    """The robot of an arm's file, read once per file and folders of packages; relative paths start
+    in the problem file's folder.
 
     Raises:
         InputError: the file is missing or cannot be used.

@@ -105,13 +105,7 @@ def find_chains(
 def chain_to(
     tree: Tree, tip: str, other_tips: Sequence[str] = (), options: ChainOptions = ChainOptions()
 ) -> ArmChain:
-    """The arm that ends in a link.
-
-    Args:
-        tree: the robot's.
-        tip: the link.
-        other_tips: tips of the robot's other arms: joints that they share are locked.
-        options: sizes and words.
+    """The arm that ends in a link; joints that it shares with the robot's other tips are locked.
 
     Raises:
         InputError: there is no such link.

@@ -117,12 +117,8 @@ class PlacedProblems(PointProblems):
     """The problems of a study with their robots' files where a worker has them."""
 
     def __init__(self, problems: PointProblems, places: RobotPlaces, root: Path | None) -> None:
-        """The problems of a study on a worker.
-
-        Args:
-            problems: as they are asked.
-            places: of the robots.
-            root: the folder below which the files were written; None where they are in place.
+        """The problems of a study on a worker, where the robots' files stand below a root, or
+        without one in place.
         """
         super().__init__(problems.tables, problems.file)
         self._problems, self._robots, self._root = problems, places.robots, root

@@ -61,12 +61,8 @@ def cluster_lines(
 def _connected(
     workers: int, scheduler: str | None, patience: float = 5.0
 ) -> Iterator[tuple[Client, LocalWorkers | None]]:
-    """A client of a scheduler that exists, or of one in this process, with its workers.
-
-    Args:
-        workers: processes.
-        scheduler: its address.
-        patience: s until a scheduler that does not answer is not there.
+    """A client of a scheduler that exists, or of one in this process, with its workers; one that
+    does not answer so long, s, is not there.
     """
     from distributed import LocalCluster
 

@@ -38,14 +38,10 @@ def problem_text(problem: Problem) -> str:
 
 
 def save_problem(problem: Problem, target: Path, *, overwrite: bool = False) -> Problem:
-    """Write a problem as a file: its source with the values that differ, or without one all.
+    """Write a problem as a file: its source with the values that differ, or without one all; a file
+    that is there, the source too, is replaced on request only.
 
     Relative paths of robots and packages are written anew where the folder is another.
-
-    Args:
-        problem: the changed problem.
-        target: the file to write.
-        overwrite: whether a file that is there, the problem's source too, is replaced.
 
     Returns:
         The problem that the file holds.

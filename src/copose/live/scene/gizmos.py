@@ -59,11 +59,8 @@ class Gizmo:
         return base if self.kind == "base" else center @ arm.grasp.pose
 
     def placed(self, problem: Problem, given: Mapping[str, object]) -> Pose:
-        """A pose in the world by the keys of a place; those that it leaves out stay.
-
-        Args:
-            problem: the problem that is shown.
-            given: ``position`` and ``rpy`` or ``quaternion``, in the plane ``angle``.
+        """A pose in the world by the keys of a place, ``position`` and ``rpy`` or ``quaternion``,
+        in the plane ``angle``; those that it leaves out stay.
 
         Raises:
             InputError: there is no such gizmo, or it is no place.

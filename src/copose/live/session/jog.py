@@ -67,11 +67,8 @@ class ByHand:
         self.positions = {a: c.present for a, c in curves.items() if c.present is not None}
 
     def slide(self, arm: str, share: float) -> None:
-        """Move an arm along its self-motion, as far as limits let it.
-
-        Args:
-            arm: an arm with one degree of freedom to spare.
-            share: place on the part of the curve that is shown, 0 to 1.
+        """Move an arm with one degree of freedom to spare to a share, 0 to 1, of the part of its
+        self-motion that is shown, as far as limits let it.
         """
         curve = self.curves.get(arm)
         if curve is None:
@@ -93,12 +90,8 @@ class ByHand:
         return float(np.clip((s - low) / (high - low), 0.0, 1.0))
 
     def jog(self, arm: str, direction: int, amount: float) -> None:
-        """Move an arm with more degrees of freedom to spare along one of them.
-
-        Args:
-            arm: its name.
-            direction: number of the direction, from 0; the same one while nothing else is moved.
-            amount: rad (or m).
+        """Move an arm with more degrees of freedom to spare along one of them, which is the same
+        while nothing else is moved, by an amount, rad (or m).
         """
         state = self.session.state
         if state.solution.after is None:

@@ -99,13 +99,8 @@ class Session:
     def take(
         self, document: Document, joints: Joints, origin: str, placed: Changes | None = None
     ) -> None:
-        """Show another problem, and the arms where they hold its object; nothing is searched.
-
-        Args:
-            document: the problem.
-            joints: rad or m, by arm.
-            origin: where they were recorded, in words.
-            placed: changes of the problem where they were recorded.
+        """Show another problem, and the arms, rad or m, where they were recorded to hold it there:
+        the origin in words, and what was changed there; nothing is searched.
 
         Raises:
             InputError: they do not hold the object; nothing is changed then.

@@ -111,13 +111,8 @@ def set_pictures(panels: list[Panel]) -> list[SetPicture]:
 
 
 def draw_set(figure: Figure, place: SubplotSpec, picture: SetPicture, columns: int) -> None:
-    """A set, its ellipsoid, the ball around rest, rest and the ellipsoid's centre.
-
-    Args:
-        figure: the figure.
-        place: the place in it.
-        picture: the set.
-        columns: columns of the legend, 0 for none.
+    """A set, its ellipsoid, the ball around rest, rest and the ellipsoid's centre, in a place of a
+    figure; a legend has some columns, 0 for none.
     """
     height = 0.96 if picture.solid else None
     if not picture.solid:
@@ -162,8 +157,7 @@ def _interval(ax: Any, picture: SetPicture) -> None:
     ax.set_ylim(-1.5, 1.5)
     ax.set_yticks([])
     ax.set_box_aspect(0.25)
-    for side in ("top", "right", "left"):
-        ax.spines[side].set_visible(False)
+    ax.spines[["top", "right", "left"]].set_visible(False)
     ax.set_xlabel(_labels(picture)[0])
 
 

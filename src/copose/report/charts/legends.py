@@ -41,12 +41,8 @@ def small_grid(entries: list[str], inches: float) -> tuple[int, int]:
 
 
 def small_legend(target: Any, *entries: list[Any], **place: Any) -> None:
-    """A small legend without a frame.
-
-    Args:
-        target: axes, or a figure.
-        entries: handles and labels; of axes their own where they are left out.
-        place: keywords of Matplotlib that say where, and in how many columns.
+    """A small legend without a frame; without handles and labels axes have their own. Keywords of
+    Matplotlib say where, and in how many columns.
     """
     target.legend(*entries, frameon=False, fontsize=9, borderaxespad=0.1, columnspacing=1.2,
                   handlelength=1.6, **place)  # fmt: skip

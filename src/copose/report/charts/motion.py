@@ -139,8 +139,7 @@ def _along(ax: Axes, time: Array) -> None:
     ax.tick_params(labelsize=ChartLook.letters)
     ax.grid(True, color=LOOK.grid, linewidth=0.8)
     ax.set_axisbelow(True)
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
+    ax.spines[["top", "right"]].set_visible(False)
 
 
 def _title(ax: Axes, words: str, **more: Any) -> None:

@@ -32,13 +32,8 @@ def share_panels(panels: list[Panel]) -> list[Panel]:
 def draw_shares(
     ax: Axes, panels: list[Panel], *, named: bool, look: ShareLook = ShareLook()
 ) -> None:
-    """Each joint's share of its torque limit to hold the object, by arm; earlier panels in grey.
-
-    Args:
-        ax: the axes.
-        panels: those of `share_panels`.
-        named: whether a legend tells them apart.
-        look: sizes.
+    """Each joint's share of its torque limit to hold the object, by arm; earlier panels in grey,
+    and told apart by a legend where they are named.
     """
     shares = [panel.posture.static_torque or {} for panel in panels]
     colors = arm_colors(panels[-1].posture)
@@ -71,8 +66,7 @@ def draw_shares(
     ax.set_xticks(ticks, numbers)
     ax.set_yticks([])
     ax.tick_params(axis="x", labelsize=8, length=0)
-    for side in ("top", "right", "left"):
-        ax.spines[side].set_visible(False)
+    ax.spines[["top", "right", "left"]].set_visible(False)
     ax.set_title("joint torque that holds the object, % of its limit", fontsize=10, loc="left")
     if named:
         names = [short(panel.name) for panel in panels]

@@ -70,15 +70,8 @@ def motion_figure(motion: Motion, look: MotionLook = MotionLook()) -> Figure:
 def _draw_scene(
     figure: Figure, scene: MotionScene, look: MotionLook, edge: float, top: float, tall: float
 ) -> None:
-    """Postures at the left, light to dark, with their times and a legend above.
-
-    Args:
-        figure: the figure.
-        scene: the scene.
-        look: sizes.
-        edge: the scene's lower edge, as a share of the height; ``top`` its upper one.
-        top: as ``edge``.
-        tall: height of the figure, inches.
+    """Postures at the left, from a lower edge to an upper one, shares of the height, light to dark,
+    with their times and a legend above.
     """
     motion = scene.motion
     assert motion.time is not None

@@ -155,8 +155,7 @@ def _draw_bars(ax: Axes, panels: list[Panel], kind: SliceKind) -> None:
     ax.set_xticks(np.arange(count), words[count])
     ax.margins(y=0.15)
     ax.set_yticks([])
-    for side in ("top", "right", "left"):
-        ax.spines[side].set_visible(False)
+    ax.spines[["top", "right", "left"]].set_visible(False)
     title = f"semi-axes of the {kind.name} slice" + (f", {units[0]}" if len(units) == 1 else "")
     ax.set_title(title, fontsize=10, color=kind.color, loc="left", pad=20)
     if len(panels) > 1:

@@ -27,12 +27,8 @@ def distance_words(posture: Posture, most: int = 40) -> str:
 
 
 def moved_words(solution: Solution, *, most: int = 4, least: float = 0.01) -> str:
-    """The joints that differ most between before and after, and by how much, rad or m.
-
-    Args:
-        solution: a result; where it has not both postures, or nothing moves, the words are empty.
-        most: joints that are named.
-        least: smallest move that is worth naming, rad or m.
+    """The joints that differ most between before and after, by at least so much, and by how much,
+    rad or m; empty where there is none.
     """
     before, after = solution.before, solution.after
     if before is None or after is None:

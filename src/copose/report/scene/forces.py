@@ -15,12 +15,8 @@ from copose.results import Posture
 def holding_arrows(
     posture: Posture, size: float, *, longest: float = 0.16
 ) -> tuple[list[tuple[Array, Array]], str]:
-    """Contact forces that hold the object: arrows from tail to head at the grasp, and in words.
-
-    Args:
-        posture: with the contact wrenches of its hold; without them there are no arrows.
-        size: size of the scene, m.
-        longest: length of the largest force, as a share of the scene.
+    """Contact forces that hold the object: arrows from tail to head at the grasp, and in words;
+    none where they are not known. The longest is a share of the scene's size, m.
     """
     wrenches = (posture.wrenches or {}).get("hold", {})
     d = len(posture.object.position)

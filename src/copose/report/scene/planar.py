@@ -109,14 +109,8 @@ def _placed(panel: Panel) -> list[Placed]:
 def draw_bodies(
     ax: Axes, solution: Drawn, low: Array, high: Array, *, letter: float = 0.016
 ) -> None:
-    """Obstacles, each with its name in the middle of its visible part, or below.
-
-    Args:
-        ax: the axes.
-        solution: the result, or the problem.
-        low: least x and y of the axes.
-        high: largest x and y of the axes.
-        letter: width of a letter of a name, as a share of the axes.
+    """Obstacles within limits of axes, each with its name in the middle of its visible part, or
+    below; a letter is such a share of the axes wide.
     """
     for obstacle in solution.problem.obstacles:
         if not isinstance(obstacle, PlanarObstacle):

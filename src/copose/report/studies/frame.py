@@ -57,8 +57,7 @@ def draw_trade_off(ax: Axes, content: MapContent, look: TradeOffLook = TradeOffL
     ax.set_axisbelow(True)
     ax.tick_params(labelsize=9)
     ax.margins(0.07)
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
+    ax.spines[["top", "right"]].set_visible(False)
 
 
 def _thinned(numbers: Array, raster: int) -> Array:

@@ -26,13 +26,8 @@ from copose.robots import ArmStart, Joint
 def chains(
     problem: Problem, starts: tuple[ArmStart, ...], notes: tuple[str, ...], way: str | None
 ) -> RenderableType:
-    """The chains as they were read, with their joints, limits and locks, and where they start.
-
-    Args:
-        problem: the problem.
-        starts: starts of its arms.
-        notes: remarks, below all else.
-        way: the path of the object in words, where it has one.
+    """The chains as they were read, with their joints, limits and locks, where they start, and the
+    path of the object in words; remarks below all else.
     """
     parts: list[RenderableType] = [heading(problem.name, problem.task.space)]
     arms = [start.arm for start in starts]

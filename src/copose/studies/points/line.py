@@ -154,12 +154,8 @@ def _child(node: Any, part: str) -> Any:
 
 
 def check_recorded(path: str, answer: type[BaseModel], key: str) -> None:
-    """Refuse a path that leads to no number of any result.
-
-    Args:
-        path: dotted, such as ``after.ellipsoid.radii.0``.
-        answer: the class of the results.
-        key: for the message.
+    """Refuse a dotted path, such as ``after.ellipsoid.radii.0``, that leads to no number of a class
+    of results.
 
     Raises:
         InputError: it leads nowhere, or to what is no number.

@@ -36,11 +36,8 @@ class Stretch:
 
     @classmethod
     def of(cls, part: Slice, thin: float = 0.02) -> Stretch:
-        """The stretch of a ball that makes it a slice.
-
-        Args:
-            part: the slice.
-            thin: thickness of a flat slice, as a share of its longest semi-axis.
+        """The stretch of a ball that makes it a slice; a flat one is so thin, as a share of its
+        longest semi-axis.
         """
         ellipsoid, world = part.ellipsoid, list(part.world)
         columns = np.zeros((3, 3))

@@ -168,11 +168,8 @@ def simplifier() -> Any:
 
 
 def _merged(surface: Triangles, cells: int) -> Triangles:
-    """A surface whose points within one cell of a grid are one, without triangles that vanish.
-
-    Args:
-        surface: what is merged.
-        cells: along its longest side, at most 2^20.
+    """A surface whose points within one cell of a grid, of at most 2^20 along its longest side, are
+    one, without triangles that vanish.
     """
     low = surface.vertices.min(axis=0)
     size = float(np.ptp(surface.vertices, axis=0).max()) or 1.0

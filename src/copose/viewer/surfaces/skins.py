@@ -26,12 +26,7 @@ class SkinOptions:
 
 
 def wrapped(surface: Triangles, options: SkinOptions = SkinOptions()) -> Triangles:
-    """A skin round a surface as seen from outside, without what is within it.
-
-    Args:
-        surface: of any triangles; not empty.
-        options: grid and points.
-    """
+    """A skin round a surface, not empty, as seen from outside, without what is within it."""
     low = surface.vertices.min(axis=0)
     cell = float(np.ptp(surface.vertices, axis=0).max()) / options.cells
     points = _thinned(_points(surface, cell, options), cell / options.kept)

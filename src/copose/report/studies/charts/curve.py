@@ -230,5 +230,4 @@ def _plain(ax: Axes) -> None:
     ax.grid(True, color=LOOK.grid, linewidth=0.8)
     ax.set_axisbelow(True)
     ax.tick_params(labelsize=9)
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
+    ax.spines[["top", "right"]].set_visible(False)

@@ -158,8 +158,7 @@ def draw_importance(ax: Axes, content: MapContent) -> None:
     ax.set_ylim(len(shares) - 0.6, -0.8)
     ax.set_xticks([])
     ax.tick_params(length=0)
-    for side in ("top", "right", "bottom"):
-        ax.spines[side].set_visible(False)
+    ax.spines[["top", "right", "bottom"]].set_visible(False)
     ax.set_title("importance: what the key alone explains of the variance of", loc="left",
                  fontsize=10, pad=22)  # fmt: skip
     ax.legend(frameon=False, fontsize=9, loc="lower left", bbox_to_anchor=(0, 0.99), ncols=2,
