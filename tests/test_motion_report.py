@@ -23,8 +23,7 @@ from copose.errors import InputError
 from copose.formats import joint_trajectory_yaml, trajectory_csv
 from copose.report import draw, motion_animation, motion_table, picture
 from copose.report.figures.motion import motion_figure
-from copose.report.joint_curves import spread
-from copose.report.limit_use import limit_shares
+from copose.report.joint_curves import limit_shares, spread
 from copose.results import (
     EllipsoidRecord,
     Motion,

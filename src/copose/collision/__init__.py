@@ -9,7 +9,7 @@ from copose.collision.carriers import (
     joint_columns,
 )
 from copose.collision.distance.bodies import Bodies, Nearest, Witness
-from copose.collision.distance.placed_parts import PartPoses
+from copose.collision.distance.paired_solids import PartPoses
 from copose.collision.scene import Scene, link_looks, link_solids, primitive_of
 from copose.collision.shapes.mesh_files import MeshFile, UnreadableError
 from copose.collision.shapes.meshes import Mesh

@@ -24,7 +24,7 @@ from copose.viewer.nodes.ground import lay_grid, light, light_from
 from copose.viewer.nodes.hands import Hands, move, stretch
 from copose.viewer.nodes.objects import add_object, add_obstacle
 from copose.viewer.result_poses import object_pose
-from copose.viewer.surfaces.primitive_surfaces import primitive_triangles
+from copose.viewer.surfaces.triangles import primitive_triangles
 
 if TYPE_CHECKING:
     from viser import FrameHandle, SceneApi

@@ -12,9 +12,8 @@ import numpy as np
 from copose.collision.carriers import Carrier, Placements
 from copose.collision.distance.arm_combinations import ArmCombinations
 from copose.collision.distance.clearance_test import ClearanceTest, ClearanceTestOptions
-from copose.collision.distance.paired_solids import PairedSolids
+from copose.collision.distance.paired_solids import PairedSolids, PartPoses, PlacedPart
 from copose.collision.distance.part_distances import PartDistances
-from copose.collision.distance.placed_parts import PartPoses, PlacedPart
 from copose.collision.distance.round_solids import RoundSolids
 from copose.collision.shapes.solids import Solid
 from copose.poses import Array, Indices, Mask

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from copose.collision.carriers import Placements
-from copose.collision.distance.paired_solids import PairedSolids
+from copose.collision.distance.paired_solids import PairedSolids, PartPoses
 from copose.collision.distance.part_distances import PartDistances
-from copose.collision.distance.placed_parts import PartPoses
 from copose.collision.distance.round_solids import RoundSolids
 from copose.poses import Array, Indices, Mask
 from copose.progress import heed

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from copose.collision.distance.placed_parts import PartPoses, PlacedPart
+from copose.collision.distance.paired_solids import PartPoses, PlacedPart
 from copose.poses import Array
 
 

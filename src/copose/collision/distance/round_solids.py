@@ -7,8 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from copose.collision.carriers import Placements
-from copose.collision.distance.paired_solids import PairedSolids
-from copose.collision.distance.placed_parts import segments_of
+from copose.collision.distance.paired_solids import PairedSolids, segments_of
 from copose.collision.distance.segments import Segments, segment_distances
 from copose.poses import Array, Indices
 

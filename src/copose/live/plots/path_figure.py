@@ -9,8 +9,7 @@ import numpy as np
 
 from copose.live.plots.svg import PLOT, PlotFrame, drawing, text, ticks
 from copose.poses import Array
-from copose.report.joint_curves import JointCurves, spread
-from copose.report.limit_use import limit_shares
+from copose.report.joint_curves import JointCurves, limit_shares, spread
 from copose.report.look import LOOK
 from copose.report.words import failure_words, objective_name, objective_unit, percent, short, three
 from copose.results import Motion

@@ -11,8 +11,7 @@ from matplotlib.axes import Axes
 
 from copose.poses import Array
 from copose.report.charts.legends import small_grid, small_legend
-from copose.report.joint_curves import JointCurves, spread
-from copose.report.limit_use import LimitShare
+from copose.report.joint_curves import JointCurves, LimitShare, spread
 from copose.report.look import LOOK
 from copose.report.words import failure_words, objective_name, objective_unit, percent, short, three
 from copose.results import Motion

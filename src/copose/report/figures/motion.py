@@ -12,7 +12,7 @@ from PIL import Image
 
 from copose.report.charts.legends import legend_entries, small_grid
 from copose.report.charts.motion import draw_joints, draw_limits, draw_objective
-from copose.report.limit_use import limit_shares
+from copose.report.joint_curves import limit_shares
 from copose.report.look import LOOK
 from copose.report.scene.motion import MotionScene
 from copose.report.words import motion_heading, three

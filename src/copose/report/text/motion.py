@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import RenderableType
 
 from copose.problem import SPACES
-from copose.report.limit_use import limit_shares
+from copose.report.joint_curves import limit_shares
 from copose.report.text.columns import answer_page, counted, lines, table, times, timing_line
 from copose.report.words import (
     evidence_words,

@@ -10,7 +10,7 @@ from copose.problem import Obstacle, PlanarObstacle, Problem
 from copose.report.look import LOOK
 from copose.viewer.names import node, rgb
 from copose.viewer.surfaces.light_surfaces import creased
-from copose.viewer.surfaces.primitive_surfaces import primitive_edges, primitive_triangles
+from copose.viewer.surfaces.triangles import primitive_edges, primitive_triangles
 
 if TYPE_CHECKING:
     from viser import MeshHandle, SceneApi

@@ -19,9 +19,8 @@ from copose.collision import Part
 from copose.errors import InputError
 from copose.kernels.cache import store, stored
 from copose.poses import Array, Indices
-from copose.viewer.surfaces.primitive_surfaces import primitive_triangles
 from copose.viewer.surfaces.skins import wrapped
-from copose.viewer.surfaces.triangles import Triangles, joined
+from copose.viewer.surfaces.triangles import Triangles, joined, primitive_triangles
 
 # Most triangles of a link.
 BUDGET = 1500
