@@ -9,7 +9,6 @@ from copose.commands.terminal.options import add_objective, add_page, add_verbos
 from copose.commands.terminal.parser import Command, CommandParser
 from copose.commands.terminal.problem_input import load_problem
 from copose.commands.terminal.progress_line import watching
-from copose.interrupt import ExitStatus
 
 
 class LiveCommand(Command):
@@ -35,12 +34,4 @@ class LiveCommand(Command):
             problem = load_problem(arguments)
         from copose.live import open_live
 
-        serve(
-            open_live(
-                problem,
-                host=arguments.host,
-                port=arguments.port,
-                browser=not arguments.no_browser,
-            )
-        )
-        return ExitStatus.INTERRUPTED
+        return serve(open_live, problem, arguments)

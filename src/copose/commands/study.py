@@ -99,15 +99,7 @@ class StudyCommand(Command):
         if arguments.view:
             from copose.live import open_study
 
-            serve(
-                open_study(
-                    table,
-                    host=arguments.host,
-                    port=arguments.port,
-                    browser=not arguments.no_browser,
-                )
-            )
-            return ExitStatus.INTERRUPTED
+            return serve(open_study, table, arguments)
         return ExitStatus.SOLVED
 
 

@@ -99,6 +99,11 @@ def objective_unit(solution: Answer) -> str:
     return "" if unit in ("1", "log") else unit
 
 
+def titled_objective(solution: Answer) -> str:
+    """The name of the value of a result's objective, with its unit."""
+    return ", ".join(filter(None, (objective_name(solution), objective_unit(solution))))
+
+
 def measure_word(solution: Answer) -> str:
     """The content of a result's ellipsoid: length, area or volume."""
     return {1: "length", 2: "area"}.get(len(solution.problem.axes), "volume")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import signal
 import threading
@@ -10,6 +11,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from copose.commands.terminal.output import print_line, tell
+from copose.interrupt import ExitStatus
 
 if TYPE_CHECKING:
     from copose.live import LivePage
@@ -34,8 +36,13 @@ def on_interrupt(act: Callable[[], None]) -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def serve(page: LivePage) -> None:
-    """Say where a page is, and wait for ^C."""
+def serve(open_page: Callable[..., LivePage], shown: object, arguments: argparse.Namespace) -> int:
+    """Open a page as the options of `add_page` say, tell where it is, wait for ^C, and return the
+    exit status.
+    """
+    page = open_page(
+        shown, host=arguments.host, port=arguments.port, browser=not arguments.no_browser
+    )
     # A handler may come in the middle of anything: it takes no lock.
     interrupts: list[int] = []
     signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
@@ -45,3 +52,4 @@ def serve(page: LivePage) -> None:
         time.sleep(0.2)
     page.stop()
     tell("interrupted: the page is closed")
+    return ExitStatus.INTERRUPTED

@@ -11,7 +11,7 @@ from copose.live.plots.svg import PLOT, PlotFrame, drawing, text, ticks
 from copose.poses import Array
 from copose.report.joint_curves import JointCurves, limit_shares, spread
 from copose.report.look import LOOK
-from copose.report.words import failure_words, objective_name, objective_unit, percent, short, three
+from copose.report.words import failure_words, percent, short, three, titled_objective
 from copose.results import Motion
 
 
@@ -113,10 +113,8 @@ def _values(motion: Motion, time: Array, look: MotionPlotLook) -> _Chart:
         if tracking.reason is not None:
             words = f"fails {failure_words(motion)}"
         keys.append((look.tracking, f"least-norm tracking: {words}"))
-    unit = objective_unit(motion)
-    title = ", ".join(filter(None, (objective_name(motion), unit)))
     y = _span([values for _, values, *_ in lines], look.free)
-    return _Chart(title, look.values, y, tuple(lines), tuple(keys))
+    return _Chart(titled_objective(motion), look.values, y, tuple(lines), tuple(keys))
 
 
 def _limits(motion: Motion, look: MotionPlotLook) -> Iterator[_Chart]:

@@ -19,7 +19,7 @@ from copose.live.studies.study_panel import StudyPanel
 from copose.live.studies.study_points import PARTS, Marks, StudyPoints
 from copose.live.worker import Worker
 from copose.poses import Array
-from copose.report.words import objective_name, objective_unit
+from copose.report.words import titled_objective
 from copose.studies.table import StudyTable
 
 
@@ -215,5 +215,4 @@ class StudyPlayer:
         """The objective's name with its unit; without where points have several objectives."""
         if any(key.startswith("objective") for key in self.points.table.study.file.keys):
             return "objective"
-        solution = self.choice.session.state.solution
-        return ", ".join(filter(None, (objective_name(solution), objective_unit(solution))))
+        return titled_objective(self.choice.session.state.solution)

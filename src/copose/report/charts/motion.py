@@ -13,7 +13,7 @@ from copose.poses import Array
 from copose.report.charts.legends import small_grid, small_legend
 from copose.report.joint_curves import JointCurves, LimitShare, spread
 from copose.report.look import LOOK
-from copose.report.words import failure_words, objective_name, objective_unit, percent, short, three
+from copose.report.words import failure_words, percent, short, three, titled_objective
 from copose.results import Motion
 
 
@@ -49,8 +49,7 @@ def draw_objective(ax: Axes, motion: Motion) -> None:
     if motion.aggregate == "worst" and np.isfinite(after).any():
         k = int(np.nanargmin(after))
         ax.plot(time[k], after[k], marker="o", markersize=6, color=LOOK.system, clip_on=False)
-    unit = objective_unit(motion)
-    _title(ax, ", ".join(filter(None, (objective_name(motion), unit))))
+    _title(ax, titled_objective(motion))
     _along(ax, time)
     _legend_above(ax)
 

@@ -9,7 +9,7 @@ import os
 import sys
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -185,10 +185,19 @@ def draw(
         # Notebooks that never load pyplot would print no more than the figure's size.
         drawn._repr_png_ = partial(saved, drawn, "png")  # type: ignore[attr-defined]
         return drawn
+    write_picture(path, lambda: figure(solution, style))
+    return None
+
+
+def write_picture(path: str | Path, draw_it: Callable[[], Figure]) -> None:
+    """Write a figure, which is drawn once its file's name is known to be right.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
     file = Path(path)
     check_format(file)
-    write_file(file, picture(solution, file.suffix.lower()[1:], style))
-    return None
+    write_file(file, saved(draw_it(), file.suffix.lower()[1:]))
 
 
 def starts_figure(problem: Problem, starts: Sequence[ArmStart], style: Style = "bodies") -> Figure:
@@ -208,9 +217,7 @@ def draw_start(
     Raises:
         InputError: the file cannot be written.
     """
-    file = Path(path)
-    check_format(file)
-    write_file(file, saved(starts_figure(problem, starts, style), file.suffix.lower()[1:]))
+    write_picture(path, lambda: starts_figure(problem, starts, style))
 
 
 def draw_comparison(comparison: Comparison, path: str | Path, style: Style = "bodies") -> None:
@@ -219,8 +226,6 @@ def draw_comparison(comparison: Comparison, path: str | Path, style: Style = "bo
     Raises:
         InputError: the file cannot be written.
     """
-    file = Path(path)
-    check_format(file)
     names = dict.fromkeys(solution.problem.name for solution in comparison.solutions)
     heading = " and ".join(short(name, 40) for name in names)
     overlaid = comparison.same_unit and not comparison.cases
@@ -239,4 +244,4 @@ def draw_comparison(comparison: Comparison, path: str | Path, style: Style = "bo
     if overlaid:
         one, other = panels
         panels = [replace(one, other=other), replace(other, other=one)]
-    write_file(file, saved(_figure(panels, rows, heading), file.suffix.lower()[1:]))
+    write_picture(path, lambda: _figure(panels, rows, heading))

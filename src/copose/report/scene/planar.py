@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -77,7 +77,7 @@ class PlanarStage:
         draw_bodies(ax, panel.solution, low, high)
         draw_posture(ax, panel.posture, panel.solution)
         _ellipses(ax, panel, self.placed[k], self.scales[k] if self.scales else 1.0)
-        _ranges(ax, panel)
+        draw_ranges(ax, panel, 1.4, 7)
         ax.set_xlim(low[0], high[0])
         ax.set_ylim(low[1], high[1])
         ax.set_aspect("equal")
@@ -196,14 +196,14 @@ def _ellipses(ax: Axes, panel: Panel, parts: list[Placed], scale: float) -> None
         ax.plot(*curve.T, color=LOOK.system, linewidth=2.2, zorder=6, label=Entry.TOGETHER)
 
 
-def _ranges(ax: Axes, panel: Panel) -> None:
-    """Dashed boxes of free positions."""
+def draw_ranges(ax: Any, panel: Panel, width: float, zorder: float) -> None:
+    """Dashed boxes of free positions, in lines of a width, points."""
     colors, boxes = arm_colors(panel.posture), ranges(panel)
     for box in boxes:
         color = LOOK.ink if box.arm is None else colors[box.arm]
         for edge in box.edges:
-            ax.plot(*edge.T, color=color, linewidth=1.4, linestyle=LOOK.dashes, zorder=7,
+            ax.plot(*edge.T, color=color, linewidth=width, linestyle=LOOK.dashes, zorder=zorder,
                     marker="." if len(box.edges) == 1 else "")  # fmt: skip
     if boxes:
-        ax.plot([], [], color=LOOK.ink, linewidth=1.4, linestyle=LOOK.dashes,
+        ax.plot([], [], color=LOOK.ink, linewidth=width, linestyle=LOOK.dashes,
                 label=Entry.RANGES)  # fmt: skip

@@ -17,6 +17,7 @@ from copose.report.geometry.link_bodies import LinkBodies, LinkBody
 from copose.report.geometry.shapes import DrawnObstacle, near_obstacles, object_faces, object_points
 from copose.report.look import LOOK, arm_colors
 from copose.report.panels import Drawn, Panel, holds
+from copose.report.scene.planar import draw_ranges
 from copose.report.scene.polygons import ON_TOP, Polygons
 from copose.report.scene.spatial_slices import (
     SliceKind,
@@ -73,7 +74,11 @@ class SpatialStage:
             if panel.other is not None:
                 outline_slice(ax, panel.other, kind, kind.scales[k])
         polygons.draw(ax)
-        _ranges(ax, panel)
+        if ranges(panel):
+            # Over all else: the object hides its own.
+            draw_ranges(ax, panel, 1.2, ON_TOP)
+            ax.plot(*np.array(panel.posture.object.position)[:, None], marker="o", markersize=4,
+                    color=LOOK.ink, zorder=ON_TOP)  # fmt: skip
         if panel.other is not None:
             ax.plot([], [], color=LOOK.ink, linewidth=1, label=Entry.OTHER)
 
@@ -147,19 +152,3 @@ def _draw_axes(ax: Any, origin: Array, rotation: Array, length: float) -> None:
         ends = np.array([origin, origin + length * axis])
         ax.plot(*ends.T, color=color, linewidth=1.6, zorder=ON_TOP, solid_capstyle="butt",
                 path_effects=[withStroke(linewidth=2.8, foreground="white")])  # fmt: skip
-
-
-def _ranges(ax: Any, panel: Panel) -> None:
-    """Dashed boxes of free positions, over all else: the object hides its own."""
-    colors = arm_colors(panel.posture)
-    boxes = ranges(panel)
-    for box in boxes:
-        color = LOOK.ink if box.arm is None else colors[box.arm]
-        for edge in box.edges:
-            ax.plot(*edge.T, color=color, linewidth=1.2, linestyle=LOOK.dashes, zorder=ON_TOP,
-                    marker="." if len(box.edges) == 1 else "")  # fmt: skip
-    if boxes:
-        ax.plot(*np.array(panel.posture.object.position)[:, None], marker="o", markersize=4,
-                color=LOOK.ink, zorder=ON_TOP)  # fmt: skip
-        ax.plot([], [], color=LOOK.ink, linewidth=1.2, linestyle=LOOK.dashes,
-                label=Entry.RANGES)  # fmt: skip

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from copose.report.figures.files import check_format, drawing, saved
 from copose.report.studies.charts.curve import draw_curve, draw_rows
 from copose.report.studies.charts.endings import ending_patches
 from copose.report.studies.charts.heat_map import (
@@ -33,11 +31,7 @@ from copose.report.studies.charts.pair_plot import (
 from copose.report.studies.frame import StudyFrame, StudyLook, stars
 from copose.report.studies.key_axes import in_lines
 from copose.report.studies.map_content import MapContent
-from copose.results import write_file
 from copose.studies.table import StudyTable
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def study_figure(table: StudyTable) -> Figure:
@@ -139,29 +133,3 @@ def _pairs_figure(content: MapContent, look: StudyLook) -> Figure:
     draw_parallel(parallel, shown, scale)
     draw_color_bar(lower, parallel, content, scale, pad=0.01, shrink=0.85)
     return frame.finished(stars(charts[0]))
-
-
-def study_map(table: StudyTable) -> Figure:
-    """The map of a study as a Matplotlib figure that pyplot does not know."""
-    with drawing():
-        from copose.report.studies.figure import study_figure
-
-        return study_figure(table)
-
-
-def study_picture(
-    table: StudyTable,
-    format: Literal["png", "pdf", "svg"] = "png",  # noqa: A002 - the word for it
-) -> bytes:
-    """The map of a study as the content of a file."""
-    return saved(study_map(table), format)
-
-
-def draw_study(table: StudyTable, file: Path) -> None:
-    """Draw the map of a study into a .png, .pdf or .svg file.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    check_format(file)
-    write_file(file, saved(study_map(table), file.suffix.lower()[1:]))
