@@ -33,13 +33,12 @@ from copose.report import compare, comparison_table, draw_comparison, picture, s
 from copose.report.figures.cases import cases_figure
 from copose.report.figures.planar import planar_figure
 from copose.report.figures.spatial import spatial_figure
-from copose.report.figures.titles import moved_words
 from copose.report.geometry.camera import View, best_view
 from copose.report.geometry.free_ranges import ranges
 from copose.report.geometry.link_bodies import LinkBodies, LinkBody
 from copose.report.geometry.shapes import cut, near_obstacles
 from copose.report.look import LOOK
-from copose.report.panels import NOWHERE, case_rows
+from copose.report.panels import NOWHERE, case_rows, moved_words
 from copose.report.panels import result_panels as panels
 from copose.report.scene import polygons
 from copose.report.words import result_heading, three

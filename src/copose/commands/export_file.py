@@ -6,10 +6,8 @@ import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from copose.commands.terminal.options import add_verbosity
-from copose.commands.terminal.output import print_line, print_place
-from copose.commands.terminal.parser import Command, CommandParser
-from copose.commands.terminal.progress_line import watching
+from copose.commands.terminal.output import print_line, print_place, watching
+from copose.commands.terminal.parser import Command, CommandParser, add_verbosity
 from copose.errors import InputError, blamed_on
 from copose.interrupt import ExitStatus
 

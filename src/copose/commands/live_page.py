@@ -5,10 +5,15 @@ from __future__ import annotations
 import argparse
 
 from copose.commands.terminal.interrupts import serve
-from copose.commands.terminal.options import add_objective, add_page, add_verbosity
-from copose.commands.terminal.parser import Command, CommandParser
+from copose.commands.terminal.output import watching
+from copose.commands.terminal.parser import (
+    Command,
+    CommandParser,
+    add_objective,
+    add_page,
+    add_verbosity,
+)
 from copose.commands.terminal.problem_input import load_problem
-from copose.commands.terminal.progress_line import watching
 
 
 class LiveCommand(Command):

@@ -5,11 +5,16 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from copose.commands.terminal.options import add_verbosity, edges, named_numbers, positive
-from copose.commands.terminal.output import print_place, print_rich, tell
-from copose.commands.terminal.parser import Command, CommandParser
+from copose.commands.terminal.output import print_place, print_rich, tell, watching
+from copose.commands.terminal.parser import (
+    Command,
+    CommandParser,
+    add_verbosity,
+    edges,
+    named_numbers,
+    positive,
+)
 from copose.commands.terminal.problem_input import check_place
-from copose.commands.terminal.progress_line import watching
 from copose.errors import InputError
 from copose.interrupt import ExitStatus
 

@@ -14,10 +14,16 @@ from copose.commands.terminal.answer import (
     write_interrupted,
 )
 from copose.commands.terminal.interrupts import on_interrupt
-from copose.commands.terminal.options import add_objective, add_outputs, add_search, positive
-from copose.commands.terminal.parser import Command, CommandParser
+from copose.commands.terminal.output import watching
+from copose.commands.terminal.parser import (
+    Command,
+    CommandParser,
+    add_objective,
+    add_outputs,
+    add_search,
+    positive,
+)
 from copose.commands.terminal.problem_input import prepare
-from copose.commands.terminal.progress_line import watching
 from copose.errors import blamed_on
 
 if TYPE_CHECKING:

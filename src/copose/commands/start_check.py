@@ -6,11 +6,9 @@ import argparse
 from pathlib import Path
 
 from copose.commands.terminal.answer import spared
-from copose.commands.terminal.options import add_style, add_verbosity
-from copose.commands.terminal.output import print_line, print_place, print_rich
-from copose.commands.terminal.parser import Command, CommandParser
+from copose.commands.terminal.output import in_short, print_line, print_place, print_rich, watching
+from copose.commands.terminal.parser import Command, CommandParser, add_style, add_verbosity
 from copose.commands.terminal.problem_input import check_place, load_problem
-from copose.commands.terminal.progress_line import in_short, watching
 from copose.errors import InputError
 from copose.interrupt import ExitStatus
 from copose.progress import stage

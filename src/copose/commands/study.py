@@ -9,11 +9,16 @@ from typing import TYPE_CHECKING
 
 from copose.commands.terminal.answer import spared
 from copose.commands.terminal.interrupts import on_interrupt, serve
-from copose.commands.terminal.options import add_page, add_verbosity, count, seconds
-from copose.commands.terminal.output import print_place, print_rich, tell
-from copose.commands.terminal.parser import Command, CommandParser
+from copose.commands.terminal.output import print_place, print_rich, tell, watching
+from copose.commands.terminal.parser import (
+    Command,
+    CommandParser,
+    add_page,
+    add_verbosity,
+    count,
+    seconds,
+)
 from copose.commands.terminal.problem_input import check_place
-from copose.commands.terminal.progress_line import watching
 from copose.errors import InputError
 from copose.interrupt import ExitStatus
 from copose.progress import sheltered, stage

@@ -1,6 +1,5 @@
 """Tables and figures of results."""
 
-from copose.report.comparison import Comparison, compare
 from copose.report.figures.files import (
     check_format,
     draw,
@@ -12,6 +11,7 @@ from copose.report.figures.files import (
     saved,
     starts_figure,
 )
+from copose.report.panels import Comparison, compare
 from copose.report.text.comparison import comparison_table
 from copose.report.text.motion import motion_table
 from copose.report.text.solution import solution_table

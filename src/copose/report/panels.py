@@ -1,12 +1,54 @@
-"""Panels of a picture: the postures of a result that it shows."""
+"""Panels of a picture: the postures of a result, or of two that are compared, and their titles."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Protocol
 
-from copose.report.words import answer_word, semi_axis_units, short
+from copose.errors import InputError
+from copose.problem import SPACES
+from copose.report.words import answer_word, semi_axis_units, short, three, value_words
 from copose.results import CasePosture, Posture, ProblemRecord, Solution
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two results of one cell, or of the same arms under two objectives."""
+
+    names: tuple[str, str]  # what the two are called
+    solutions: tuple[Solution, Solution]
+    # The ``after`` of each; null where a result has cases.
+    postures: tuple[Posture | None, Posture | None]
+
+    @property
+    def cases(self) -> bool:
+        """True where one has cases, so that postures cannot be held against one another."""
+        return None in self.postures
+
+    @property
+    def same_unit(self) -> bool:
+        """True where the semi-axes of both can be held against one another."""
+        one, other = (semi_axis_units(solution) for solution in self.solutions)
+        return one == other
+
+
+def compare(one: Solution, other: Solution, names: tuple[str, str] = ("A", "B")) -> Comparison:
+    """Two results side by side.
+
+    Raises:
+        InputError: a result has no posture, or the two are not of the same arms and space.
+    """
+    for solution, name in ((one, names[0]), (other, names[1])):
+        if solution.after is None and not solution.cases:
+            raise InputError("has no posture: null", key="after", file=name)
+    for key, first, second in (
+        ("problem.space", one.problem.space, other.problem.space),
+        ("joint_names", one.joint_names, other.joint_names),
+    ):
+        if first != second:
+            raise InputError(f"is not that of {names[0]}", key=key, file=names[1])
+    return Comparison(names, (one, other), (one.after, other.after))
+
 
 NOWHERE = "no posture closes at the file's pose"
 
@@ -117,3 +159,38 @@ def shared_scales(panels: list[Panel], longest: list[float], length: float) -> l
         ]
         per_panel.append(length / max(max(alike), 1e-300) if any(alike) else 1.0)
     return per_panel
+
+
+def title(panel: Panel) -> str:
+    """A panel's name and value; in a line of its own each the nearest bodies and the note."""
+    posture, solution = panel.posture, panel.solution
+    if panel.misses:
+        unit = "m or rad" if SPACES[solution.problem.space].rigid else "m"
+        return f"{panel.name}: gap {max(posture.closure_error.values()):.3g} {unit}"
+    lines = [f"{panel.name}: {value_words(solution, posture)}", distance_words(posture), panel.note]
+    return "\n".join(filter(None, lines))
+
+
+def distance_words(posture: Posture, most: int = 40) -> str:
+    """The smallest distance and the two bodies that it is between; empty where it is not known."""
+    if posture.collision is None:
+        return ""
+    pair = " – ".join(short(name, most) for name in posture.collision.pair)
+    return f"nearest: {three(posture.collision.distance)} m, {pair}"
+
+
+def moved_words(solution: Solution, *, most: int = 4, least: float = 0.01) -> str:
+    """The joints that differ most between before and after, by at least so much, and by how much,
+    rad or m; empty where there is none.
+    """
+    before, after = solution.before, solution.after
+    if before is None or after is None:
+        return ""
+    moves = [
+        (new - old, f"{short(arm)} {short(name, 30)}")
+        for arm, names in solution.joint_names.items()
+        for name, old, new in zip(names, before.joints[arm], after.joints[arm], strict=True)
+    ]
+    largest = sorted(moves, key=lambda move: -abs(move[0]))[:most]
+    named = [f"{name} {move:+.2f}" for move, name in largest if abs(move) >= least]
+    return f"moved most, rad or m: {', '.join(named)}" if named else ""

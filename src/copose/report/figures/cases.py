@@ -12,10 +12,9 @@ from copose.poses import Array
 from copose.problem import SPACES
 from copose.report.charts.legends import Entry, legend_entries, legend_grid
 from copose.report.figures.planar import scale_bar
-from copose.report.figures.titles import distance_words
 from copose.report.geometry.free_ranges import ranges
 from copose.report.look import LOOK
-from copose.report.panels import Panel, Row, case_of
+from copose.report.panels import Panel, Row, case_of, distance_words
 from copose.report.scene.planar import PlanarStage
 from copose.report.scene.spatial import SpatialStage
 from copose.report.words import (

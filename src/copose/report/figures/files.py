@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, overload
 
 from copose.errors import InputError
 from copose.problem import SPACES, Problem
-from copose.report.comparison import Comparison
 from copose.report.look import LOOK
-from copose.report.panels import Panel, Row, case_rows, result_panels, result_row
+from copose.report.panels import Comparison, Panel, Row, case_rows, result_panels, result_row
 from copose.report.words import result_heading, short
 from copose.results import Motion, Solution, write_file
 from copose.robots import ArmStart

@@ -14,11 +14,10 @@ from copose.poses import Array
 from copose.report.charts.exact_sets import SetPicture, draw_set, set_pictures
 from copose.report.charts.legends import Entry, legend_entries, legend_grid
 from copose.report.charts.torque_shares import draw_shares, share_panels
-from copose.report.figures.titles import title
 from copose.report.geometry.free_ranges import ranges
 from copose.report.geometry.slices import angular_slice, linear_slice
 from copose.report.look import LOOK
-from copose.report.panels import Panel
+from copose.report.panels import Panel, title
 from copose.report.scene.forces import draw_arrows, holding_arrows
 from copose.report.scene.planar import PlanarStage
 from copose.report.words import round_scale, semi_axis_units

@@ -8,7 +8,7 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from copose.report.comparison import Comparison
+from copose.report.panels import Comparison
 from copose.report.text.columns import joint_table, lines, sections, table
 from copose.report.text.ellipsoids import ellipsoid_rows
 from copose.report.text.limits import limit_lines, limit_values
