@@ -6,7 +6,6 @@ import contextlib
 import html
 import webbrowser
 from importlib.util import find_spec
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 from copose.errors import InputError
@@ -85,12 +84,7 @@ class LivePage:
     def __enter__(self) -> LivePage:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def _repr_html_(self) -> str:

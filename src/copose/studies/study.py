@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Self
@@ -89,36 +88,24 @@ class Study:
         return PointIndex(self.points, self.hashes)
 
 
-@dataclass(frozen=True)
 class StudyFolder:
-    """The folder of a study."""
+    """The folder of a study, and its files.
 
-    path: Path
+    Attributes:
+        path: the folder.
+        record: a line of JSON for each point that is done.
+        parquet: the same as a table.
+        picture: the map.
+        about: texts of the study file and the problem file that the record is of.
+        crashes: the point that a plain loop is at; there while it runs, and after a crash.
+    """
 
-    @property
-    def record(self) -> Path:
-        """A line of JSON for each point that is done."""
-        return self.path / "study.jsonl"
-
-    @property
-    def parquet(self) -> Path:
-        """The same as a table."""
-        return self.path / "study.parquet"
-
-    @property
-    def picture(self) -> Path:
-        """The map."""
-        return self.path / "map.png"
-
-    @property
-    def about(self) -> Path:
-        """Texts of the study file and the problem file that the record is of."""
-        return self.path / "study.json"
-
-    @property
-    def crashes(self) -> Path:
-        """The point that a plain loop is at; there while it runs, and after a crash."""
-        return self.path / ".study-crashes"
+    def __init__(self, path: Path) -> None:
+        """The folder at a path; nothing is made there."""
+        self.path = path
+        self.record, self.parquet = path / "study.jsonl", path / "study.parquet"
+        self.picture, self.about = path / "map.png", path / "study.json"
+        self.crashes = path / ".study-crashes"
 
     def remember(self, study: Study) -> None:
         """Write which study the folder is of.

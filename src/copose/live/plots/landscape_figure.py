@@ -15,13 +15,14 @@ from copose.live.plots.svg import (
     drawing,
     hatch,
     legend,
+    levels,
+    runs,
     star,
     text,
     ticks,
     upright,
     width_of,
 )
-from copose.poses import Mask
 from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
 
 
@@ -149,23 +150,13 @@ def _key(arm: str) -> str:
 
 def _axes(frame: PlotFrame, marks: Sequence[tuple[float, str]], look: CurveLook) -> Iterator[str]:
     """Axes with their ticks."""
-    for value, said in marks:
-        y = frame.down(value)
-        yield (f'<line x1="{frame.left:.1f}" x2="{frame.right:.1f}" y1="{y:.1f}" y2="{y:.1f}" '
-               'stroke="currentColor" stroke-opacity="0.13"/>')  # fmt: skip
-        yield text(frame.left - 4, y + 3, said, "end")
+    yield from levels(frame, marks)
     for value, said in ticks(*frame.x, look.ticks):
         x = frame.across(value)
         yield (f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{frame.bottom:.1f}" '
                f'y2="{frame.bottom + 3:.1f}" stroke="currentColor"/>')  # fmt: skip
         yield text(x, frame.bottom + 12, said, "middle")
     yield frame.rectangle('fill="none" stroke="currentColor" stroke-opacity="0.5"')
-
-
-def _runs(mask: Mask) -> list[tuple[int, int]]:
-    """First and last row of each run of what is marked."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _zones(frame: PlotFrame, curve: SelfMotionCurve, look: CurveLook) -> Iterator[str]:
@@ -175,8 +166,9 @@ def _zones(frame: PlotFrame, curve: SelfMotionCurve, look: CurveLook) -> Iterato
     s, inside, clear = curve.positions, curve.inside, curve.clear
     # A zone ends half the way between two knots.
     edges = np.concatenate([s[:1], (s[1:] + s[:-1]) / 2, s[-1:]])
-    zones += [("touches", edges[a], edges[b + 1]) for a, b in _runs(inside & ~clear)]
-    zones += [("torques", edges[a], edges[b + 1]) for a, b in _runs(inside & clear & ~curve.held)]
+    touching, overloaded = inside & ~clear, inside & clear & ~curve.held
+    zones += [("touches", edges[run.start], edges[run.stop]) for run in runs(touching)]
+    zones += [("torques", edges[run.start], edges[run.stop]) for run in runs(overloaded)]
     for what, low, high in zones:
         kind = "hit" if what else "out"
         low, high = max(low, frame.x[0]), min(high, frame.x[1])
@@ -198,8 +190,8 @@ def _branch(frame: PlotFrame, curve: SelfMotionCurve, colour: str, stroke: float
     inside = curve.inside & curve.clear & curve.held
     rest = 'stroke="currentColor" stroke-opacity="0.55" stroke-width="1.2" stroke-dasharray="3 3"'
     for kind, look in ((~inside, rest), (inside, f'stroke="{colour}" stroke-width="{stroke:g}"')):
-        for a, b in _runs(kind & shown):
-            rows = slice(max(a - 1, 0), b + 2) if kind is not inside else slice(a, b + 1)
+        for run in runs(kind & shown):
+            rows = run if kind is inside else slice(max(run.start - 1, 0), run.stop + 1)
             line, at = values[rows], s[rows]
             keep = np.isfinite(line) & (line >= low) & (line <= high)
             yield frame.line(at[keep], line[keep], f'{look} stroke-linejoin="round"')

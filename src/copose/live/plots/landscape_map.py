@@ -14,6 +14,7 @@ from PIL import Image
 from copose.live.plots.svg import (
     VIRIDIS,
     PlotFrame,
+    color_bar,
     color_table,
     dot,
     drawing,
@@ -202,15 +203,9 @@ def _axes(frame: PlotFrame, look: MapLook) -> Iterator[str]:
 
 def _bar(frame: PlotFrame, low: float, high: float, unit: str, look: MapLook) -> Iterator[str]:
     """The bar that tells values by their colours."""
-    left, steps = frame.right + 7, len(look.colours) - 1
-    stops = "".join(
-        f'<stop offset="{k / steps:.3f}" stop-color="#{colour}"/>'
-        for k, colour in enumerate(look.colours)
-    )
-    yield (f'<defs><linearGradient id="bar" x1="0" y1="1" x2="0" y2="0">{stops}'
-           '</linearGradient></defs>')  # fmt: skip
+    left = frame.right + 7
     bar = PlotFrame(left, frame.top, look.bar, frame.height, (0, 1), (low, high))
-    yield bar.rectangle('fill="url(#bar)"')
+    yield from color_bar("bar", bar, look.colours)
     for value, said in ticks(low, high, look.ticks):
         yield text(left + look.bar + 3, bar.down(value) + 3, said)
     yield text(frame.right + 7, frame.bottom + 12, unit if unit != "1" else "")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from copose.live.plots.svg import PLOT, PlotFrame, drawing, text, ticks
+from copose.live.plots.svg import PLOT, PlotFrame, drawing, levels, runs, text, ticks
 from copose.poses import Array
 from copose.report.joint_curves import JointCurves, limit_shares, spread
 from copose.report.look import LOOK
@@ -169,11 +169,7 @@ def _drawn(chart: _Chart, frame: PlotFrame, top: float, look: MotionPlotLook) ->
         y = top + 11 + look.line * (k + 1)
         yield f'<path d="M4 {y - 3:.1f}h14" stroke="{colour}" stroke-width="2.4"/>'
         yield text(22, y, words)
-    for value, said in ticks(*chart.y, look.up):
-        y = frame.down(value)
-        yield (f'<line x1="{frame.left:.1f}" x2="{frame.right:.1f}" y1="{y:.1f}" y2="{y:.1f}" '
-               'stroke="currentColor" stroke-opacity="0.13"/>')  # fmt: skip
-        yield text(frame.left - 4, y + 3, said, "end")
+    yield from levels(frame, ticks(*chart.y, look.up))
     for value, _ in ticks(*frame.x, look.along):
         x = frame.across(value)
         yield (f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{frame.top:.1f}" y2="{frame.bottom:.1f}" '
@@ -183,19 +179,12 @@ def _drawn(chart: _Chart, frame: PlotFrame, top: float, look: MotionPlotLook) ->
         yield (f'<line x1="{frame.left:.1f}" x2="{frame.right:.1f}" y1="{y:.1f}" y2="{y:.1f}" '
                f'stroke="{PLOT.touching}" stroke-dasharray="4 3"/>')  # fmt: skip
     for time, values, colour, attributes in chart.lines:
-        for known in _pieces(values):
+        for known in runs(np.isfinite(values)):
             yield frame.line(time[known], values[known],
                              f'stroke="{colour}" {attributes} stroke-linejoin="round"')  # fmt: skip
     yield frame.rectangle('fill="none" stroke="currentColor" stroke-opacity="0.4"')
     if chart.ends:
         yield from _numbers(chart, frame, look.numbers)
-
-
-def _pieces(values: Array) -> Iterator[slice]:
-    """Runs of finite numbers."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.isfinite(values), [0]]).astype(int)))
-    for first, end in zip(edges[::2], edges[1::2], strict=True):
-        yield slice(int(first), int(end))
 
 
 def _numbers(chart: _Chart, frame: PlotFrame, apart: float) -> Iterator[str]:

@@ -7,7 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from copose.live.plots.svg import PLOT, VIRIDIS, ColorScale, PlotFrame, dot, drawing, text, ticks
+from copose.live.plots.svg import (
+    PLOT,
+    VIRIDIS,
+    ColorScale,
+    PlotFrame,
+    color_bar,
+    dot,
+    drawing,
+    text,
+    ticks,
+)
 from copose.poses import Array
 
 
@@ -70,14 +80,8 @@ def ranking_svg(
 
 def _bar(frame: PlotFrame, look: RankingLook, *, fallen: bool) -> Iterator[str]:
     """The bar that tells values by their colours."""
-    steps = len(VIRIDIS) - 1
-    stops = "".join(
-        f'<stop offset="{k / steps:.3f}" stop-color="#{color}"/>' for k, color in enumerate(VIRIDIS)
-    )
-    yield (f'<defs><linearGradient id="rank" x1="0" y1="1" x2="0" y2="0">{stops}'
-           '</linearGradient></defs>')  # fmt: skip
     bar = PlotFrame(look.left, frame.top, look.bar, frame.height, (0, 1), frame.y)
-    yield bar.rectangle('fill="url(#rank)"')
+    yield from color_bar("rank", bar, VIRIDIS)
     for value, said in ticks(*frame.y, look.ticks):
         yield text(look.left - 4, bar.down(value) + 3, said, "end")
     if fallen:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 
 import numpy as np
 
-from copose.poses import Array
+from copose.poses import Array, Mask
 
 VIRIDIS = (
     "440154", "482878", "3e4989", "31688e", "26828e", "1f9e89", "35b779", "6ece58", "b5de2b",
@@ -129,6 +129,32 @@ class PlotFrame:
         pairs = zip(map(self.across, x), map(self.down, y), strict=True)
         points = " ".join(f"{a:.1f},{b:.1f}" for a, b in pairs)
         return f'<polyline points="{points}" fill="none" {attributes}/>'
+
+
+def levels(frame: PlotFrame, marks: Iterable[tuple[float, str]]) -> Iterator[str]:
+    """Lines across a frame at some numbers, with words left of them."""
+    for value, said in marks:
+        y = frame.down(value)
+        yield (f'<line x1="{frame.left:.1f}" x2="{frame.right:.1f}" y1="{y:.1f}" y2="{y:.1f}" '
+               'stroke="currentColor" stroke-opacity="0.13"/>')  # fmt: skip
+        yield text(frame.left - 4, y + 3, said, "end")
+
+
+def runs(mask: Mask) -> list[slice]:
+    """Runs of what is marked."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def color_bar(name: str, frame: PlotFrame, colors: Sequence[str]) -> Iterator[str]:
+    """A frame filled with colours from low to high, under a name of its own on the page."""
+    steps = len(colors) - 1
+    stops = "".join(
+        f'<stop offset="{k / steps:.3f}" stop-color="#{color}"/>' for k, color in enumerate(colors)
+    )
+    yield (f'<defs><linearGradient id="{name}" x1="0" y1="1" x2="0" y2="0">{stops}'
+           '</linearGradient></defs>')  # fmt: skip
+    yield frame.rectangle(f'fill="url(#{name})"')
 
 
 def drawing(width: float, height: float, parts: Sequence[str], name: str) -> str:
