@@ -52,21 +52,13 @@ class PlannerCache:
 
 @dataclass(frozen=True)
 class Recipe:
-    """The part of all points of a study that is the same: small, and sent to every worker.
+    """The part of all points of a study that is the same: small, and sent to every worker."""
 
-    Attributes:
-        problems: by the values of a point.
-        command: what is done with each.
-        effort: of the search.
-        record: dotted paths of the numbers to record.
-        limit: s that a point may take; None for no limit.
-    """
-
-    problems: PointProblems
-    command: CommandName
-    effort: EffortName
-    record: tuple[str, ...]
-    limit: float | None = None
+    problems: PointProblems  # by the values of a point
+    command: CommandName  # what is done with each
+    effort: EffortName  # of the search
+    record: tuple[str, ...]  # dotted paths of the numbers to record
+    limit: float | None = None  # s that a point may take; None for no limit
 
     @classmethod
     def of(cls, study: Study, limit: float | None = None) -> Recipe:

@@ -37,17 +37,11 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """The end of a run.
+    """The end of a run."""
 
-    Attributes:
-        points: different ones that the study asks for.
-        done: of them in the record now.
-        stopped: whether it was stopped before its end.
-    """
-
-    points: int
-    done: int
-    stopped: bool
+    points: int  # different ones that the study asks for
+    done: int  # of them in the record now
+    stopped: bool  # whether it was stopped before its end
 
 
 def run_study(

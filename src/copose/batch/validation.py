@@ -118,17 +118,11 @@ def _check_starts(problem: Problem, study: Study) -> None:
 
 @dataclass(frozen=True)
 class Estimate:
-    """Time that a study takes in a plain loop.
+    """Time that a study takes in a plain loop."""
 
-    Attributes:
-        points: different ones.
-        build_s: until the first point can be solved, s.
-        point_s: of the points that were tried, s each.
-    """
-
-    points: int
-    build_s: float
-    point_s: tuple[float, ...]
+    points: int  # different ones
+    build_s: float  # until the first point can be solved, s
+    point_s: tuple[float, ...]  # of the points that were tried, s each
 
     @property
     def mean_s(self) -> float:

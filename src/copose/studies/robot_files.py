@@ -112,17 +112,12 @@ class RobotPlaces:
 
 @dataclass(frozen=True)
 class RobotFiles:
-    """Robot files and whatever they name that decides an answer.
+    """Robot files and whatever they name that decides an answer."""
 
-    Attributes:
-        contents: by absolute path; None where there is no file, and one would matter.
-        robots: where each robot is among them, see `RobotPlaces`.
-        digests: of all contents and names, and of those that a point reads.
-    """
-
+    # By absolute path; None where there is no file, and one would matter.
     contents: Mapping[Path, bytes | None]
-    robots: Mapping[str, RobotPlace]
-    digests: RobotDigests
+    robots: Mapping[str, RobotPlace]  # where each robot is among them, see `RobotPlaces`
+    digests: RobotDigests  # of all contents and names, and of those that a point reads
 
     @classmethod
     def of(cls, problems: PointProblems, study: StudyFile) -> Self:
@@ -223,17 +218,11 @@ def _moved(content: bytes, root: Path) -> bytes:
 
 @dataclass(frozen=True)
 class _Choice:
-    """The different robot files that a ``[[vary]]`` table names.
+    """The different robot files that a ``[[vary]]`` table names."""
 
-    Attributes:
-        keys: of the table.
-        rows: one for each choice.
-        numbers: of the choice, by a row of values, JSON.
-    """
-
-    keys: tuple[str, ...]
-    rows: tuple[Mapping[str, Any], ...]
-    numbers: Mapping[str, int]
+    keys: tuple[str, ...]  # of the table
+    rows: tuple[Mapping[str, Any], ...]  # one for each choice
+    numbers: Mapping[str, int]  # of the choice, by a row of values, JSON
 
 
 def _choices(problems: PointProblems, study: StudyFile) -> tuple[_Choice, ...]:

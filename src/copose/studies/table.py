@@ -18,27 +18,17 @@ Status = Literal["solved", "infeasible", "failed", "missing"]
 
 @dataclass(frozen=True, eq=False)
 class StudyTable:
-    """The points of a study in order, with what their lines say; a column has an entry a point.
+    """The points of a study in order, with what their lines say; a column has an entry a point."""
 
-    Attributes:
-        study: whose points they are.
-        statuses: of the results; ``missing`` of a point without a line.
-        numbers: ``objective`` and what is recorded, nan where there is none.
-        missing: arms that miss their grasp, by name with commas, empty where none does.
-        seconds: that each point took, nan of points without a line.
-        arms: whose joints are recorded, of cases ``case.arm``.
-        offsets: of the lines in the record.
-        lines: of the record; None where it is empty.
-    """
-
-    study: Study
-    statuses: tuple[Status, ...]
-    numbers: dict[str, Array]
+    study: Study  # whose points they are
+    statuses: tuple[Status, ...]  # of the results; ``missing`` of a point without a line
+    numbers: dict[str, Array]  # ``objective`` and what is recorded, nan where there is none
+    # Arms that miss their grasp, by name with commas, empty where none does.
     missing: tuple[str, ...]
-    seconds: Array
-    arms: tuple[str, ...]
-    offsets: Indices
-    lines: RecordLines | None
+    seconds: Array  # that each point took, nan of points without a line
+    arms: tuple[str, ...]  # whose joints are recorded, of cases ``case.arm``
+    offsets: Indices  # of the lines in the record
+    lines: RecordLines | None  # of the record; None where it is empty
 
     @classmethod
     def of(cls, study: Study, folder: StudyFolder) -> Self:

@@ -57,20 +57,13 @@ class DispatchOptions:
 
 @dataclass(eq=False)
 class _Member:
-    """A worker that takes part.
+    """A worker that takes part."""
 
-    Attributes:
-        address: by which Dask knows it.
-        size: points of its next batch.
-        solver: on it; None before it is built.
-        ready: whether the solver is built: whatever dies before counts for no point.
-        tasks: what it has been asked for, and the batch that it is; None of what comes before.
-    """
-
-    address: str
-    size: int = 1
-    solver: Future | None = None
-    ready: bool = False
+    address: str  # by which Dask knows it
+    size: int = 1  # points of its next batch
+    solver: Future | None = None  # on it; None before it is built
+    ready: bool = False  # whether the solver is built: whatever dies before counts for no point
+    # What it has been asked for, and the batch that it is; None of what comes before.
     tasks: dict[Future, Batch | None] = field(default_factory=dict)
 
 

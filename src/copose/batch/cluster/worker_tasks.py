@@ -23,15 +23,10 @@ from copose.version import __version__
 
 @dataclass(frozen=True)
 class Batch:
-    """Points that a worker solves one after the other.
+    """Points that a worker solves one after the other."""
 
-    Attributes:
-        points: at least one.
-        alone: whether it is one point, with nothing beside it on its worker.
-    """
-
-    points: tuple[Point, ...]
-    alone: bool = False
+    points: tuple[Point, ...]  # at least one
+    alone: bool = False  # whether it is one point, with nothing beside it on its worker
 
 
 @dataclass(frozen=True)

@@ -36,19 +36,14 @@ class Solid:
 
 @dataclass(frozen=True, eq=False)
 class LinkSolids:
-    """The links of all arms as solids.
+    """The links of all arms as solids."""
 
-    Attributes:
-        solids: links that have a shape; robot by robot the static ones, then those of its arms.
-        mounts: (arm, name) of the static solids that an arm's first joint hangs on.
-        ignored: names of two solids that nothing tests.
-        notes: which shapes could not be read, and what else is doubtful.
-    """
-
+    # Links that have a shape; robot by robot the static ones, then those of its arms.
     solids: tuple[Solid, ...]
+    # (arm, name) of the static solids that an arm's first joint hangs on.
     mounts: frozenset[tuple[int, str]] = frozenset()
-    ignored: frozenset[frozenset[str]] = frozenset()
-    notes: tuple[str, ...] = ()
+    ignored: frozenset[frozenset[str]] = frozenset()  # names of two solids that nothing tests
+    notes: tuple[str, ...] = ()  # which shapes could not be read, and what else is doubtful
 
 
 @dataclass(frozen=True, eq=False)

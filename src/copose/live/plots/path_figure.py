@@ -42,25 +42,16 @@ class MotionPlotLook:
 
 @dataclass(frozen=True, eq=False)
 class _Chart:
-    """A chart of the column.
+    """A chart of the column."""
 
-    Attributes:
-        title: above it.
-        height: of its frame, px.
-        y: numbers at its lower and upper edge.
-        keys: colours and words of a line below the title each.
-        lines: times, values, colour and further attributes of each curve.
-        limits: numbers that are drawn as limits.
-        ends: numbers of joints beside the right ends of the lines.
-    """
-
-    title: str
-    height: float
-    y: tuple[float, float]
+    title: str  # above it
+    height: float  # of its frame, px
+    y: tuple[float, float]  # numbers at its lower and upper edge
+    # Times, values, colour and further attributes of each curve.
     lines: tuple[tuple[Array, Array, str, str], ...]
-    keys: tuple[tuple[str, str], ...] = ()
-    limits: tuple[float, ...] = ()
-    ends: bool = False
+    keys: tuple[tuple[str, str], ...] = ()  # colours and words of a line below the title each
+    limits: tuple[float, ...] = ()  # numbers that are drawn as limits
+    ends: bool = False  # numbers of joints beside the right ends of the lines
 
     def whole(self, look: MotionPlotLook) -> float:
         """Height with the words above and the free space below, px."""

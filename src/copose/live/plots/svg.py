@@ -28,15 +28,10 @@ def color_table(colors: tuple[str, ...] = VIRIDIS) -> Array:
 
 @dataclass(frozen=True)
 class ColorScale:
-    """The colours of values between two; beyond them those of the ends.
+    """The colours of values between two; beyond them those of the ends."""
 
-    Attributes:
-        low: value of the lowest colour.
-        high: of the highest.
-    """
-
-    low: float
-    high: float
+    low: float  # value of the lowest colour
+    high: float  # of the highest
 
     @classmethod
     def of(cls, values: Array, fallen: float = 0.02) -> ColorScale:
@@ -81,23 +76,14 @@ PLOT = PlotLook()
 
 @dataclass(frozen=True)
 class PlotFrame:
-    """A rectangle that numbers are drawn in.
+    """A rectangle that numbers are drawn in."""
 
-    Attributes:
-        left: its left edge, px.
-        top: its upper edge, px.
-        width: px.
-        height: px.
-        x: numbers at its left and right edge.
-        y: numbers at its lower and upper edge.
-    """
-
-    left: float
-    top: float
-    width: float
-    height: float
-    x: tuple[float, float]
-    y: tuple[float, float]
+    left: float  # its left edge, px
+    top: float  # its upper edge, px
+    width: float  # px
+    height: float  # px
+    x: tuple[float, float]  # numbers at its left and right edge
+    y: tuple[float, float]  # numbers at its lower and upper edge
 
     def across(self, x: float) -> float:
         """The place of a number from left to right, px."""

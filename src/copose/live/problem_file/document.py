@@ -20,16 +20,11 @@ Changes: TypeAlias = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Document:
-    """A problem as it was opened.
+    """A problem as it was opened."""
 
-    Attributes:
-        whole: the problem as it was read.
-        case: the case that is shown, of several; empty where the file has none.
-        point: number of the study's point whose problem it is; None without a study.
-    """
-
-    whole: Problem
-    case: str = ""
+    whole: Problem  # the problem as it was read
+    case: str = ""  # the case that is shown, of several; empty where the file has none
+    # Number of the study's point whose problem it is; None without a study.
     point: int | None = None
 
     @classmethod

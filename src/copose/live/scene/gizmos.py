@@ -30,14 +30,10 @@ class GizmoLook:
 
 @dataclass(frozen=True)
 class Gizmo:
-    """A thing that is dragged.
+    """A thing that is dragged."""
 
-    Attributes:
-        kind: object, base, grasp, obstacle or waypoint.
-        name: of the arm or the obstacle, the number of the waypoint from 0; empty of the object.
-    """
-
-    kind: str
+    kind: str  # object, base, grasp, obstacle or waypoint
+    # Of the arm or the obstacle, the number of the waypoint from 0; empty of the object.
     name: str = ""
 
     @property

@@ -16,21 +16,14 @@ from copose.self_motion.curves.self_motion_curve import SelfMotionCurve
 
 @dataclass(eq=False)
 class ByHand:
-    """The self-motions of the arms of a session, and the places of the arms on them.
-
-    Attributes:
-        session: the session.
-        spare: degrees of freedom to spare, by arm.
-        curves: self-motions of arms with one to spare, by name; empty until they are asked for.
-        map: the objective over the first two of them.
-        positions: arc lengths at which these arms are.
-    """
+    """The self-motions of the arms of a session, and the places of the arms on them."""
 
     session: Session
-    spare: Mapping[str, int]
+    spare: Mapping[str, int]  # degrees of freedom to spare, by arm
+    # Self-motions of arms with one to spare, by name; empty until they are asked for.
     curves: dict[str, SelfMotionCurve] = field(default_factory=dict)
-    map: Landscape | None = None
-    positions: dict[str, float] = field(default_factory=dict)
+    map: Landscape | None = None  # the objective over the first two of them
+    positions: dict[str, float] = field(default_factory=dict)  # arc lengths at which these arms are
     _bases: dict[str, Array] = field(default_factory=dict)
 
     def look(self) -> None:

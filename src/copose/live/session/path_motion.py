@@ -25,17 +25,11 @@ from copose.results import Knot, Motion, Posture, Solution, to_json, write_file
 
 @dataclass(frozen=True, eq=False)
 class PlannedMotion:
-    """A planned motion, between its knots too.
+    """A planned motion, between its knots too."""
 
-    Attributes:
-        problem: the problem of its path.
-        motion: the motion, with knots.
-        planner: a planner for the problem's structure.
-    """
-
-    problem: Problem
-    motion: Motion
-    planner: Planner
+    problem: Problem  # the problem of its path
+    motion: Motion  # the motion, with knots
+    planner: Planner  # a planner for the problem's structure
 
     @property
     def duration(self) -> float:
@@ -130,21 +124,13 @@ class PlannedMotion:
 
 @dataclass(eq=False)
 class PathMotion:
-    """The motion of a session along its path; every method belongs to the session's thread.
+    """The motion of a session along its path; every method belongs to the session's thread."""
 
-    Attributes:
-        session: the session; its problem has a path.
-        course: the motion that was planned last; None before the first.
-        message: why there is none, or no newer one; empty if nothing is wrong.
-        interrupted: whether planning was interrupted the last time.
-        time: the instant that is shown, s.
-    """
-
-    session: Session
-    course: PlannedMotion | None = None
-    message: str = ""
-    interrupted: bool = False
-    time: float = 0.0
+    session: Session  # the session; its problem has a path
+    course: PlannedMotion | None = None  # the motion that was planned last; None before the first
+    message: str = ""  # why there is none, or no newer one; empty if nothing is wrong
+    interrupted: bool = False  # whether planning was interrupted the last time
+    time: float = 0.0  # the instant that is shown, s
 
     def plan(self, tell: Tell | None = None) -> bool:
         """Plan the motion of the session's problem, True where there is a new one; else the last

@@ -40,20 +40,13 @@ class Session:
     """A problem that is being changed, and the posture of its arms.
 
     Every method may take its time and belongs to one thread, but for `interrupt`.
-
-    Attributes:
-        document: the problem as it was opened, or as it is at the point of a study.
-        told: function that is told of every new state.
-        waited: function that is called between two postures of a transition, and says whether to
-            go on.
-        options: numbers and differences.
-        state: the present state.
     """
 
-    document: Document
-    told: Callable[[State], object]
+    document: Document  # the problem as it was opened, or as it is at the point of a study
+    told: Callable[[State], object]  # function that is told of every new state
+    # Function that is called between two postures of a transition, and says whether to go on.
     waited: Callable[[], bool] = lambda: False
-    options: SessionOptions = SessionOptions()
+    options: SessionOptions = SessionOptions()  # numbers and differences
     state: State = field(init=False)
     _changes: dict[str, Any] = field(default_factory=dict)
     _planners: PlannerCache = field(init=False)

@@ -59,18 +59,11 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A state that an undo goes back to.
+    """A state that an undo goes back to."""
 
-    Attributes:
-        document: the problem that changes are of.
-        changes: from it.
-        start_places: places of everything at the start of the arms.
-        state: the state.
-    """
-
-    document: Document
-    changes: Changes
-    start_places: Changes
+    document: Document  # the problem that changes are of
+    changes: Changes  # from it
+    start_places: Changes  # places of everything at the start of the arms
     state: State
 
 

@@ -25,15 +25,10 @@ from copose.studies.table import StudyTable
 
 @dataclass(frozen=True, eq=False)
 class PointChoice:
-    """A session that shows one point after the other of a study.
-
-    Attributes:
-        session: the session.
-        table: of the study.
-    """
+    """A session that shows one point after the other of a study."""
 
     session: Session
-    table: StudyTable
+    table: StudyTable  # of the study
 
     @property
     def point(self) -> int | None:

@@ -18,15 +18,10 @@ PARTS = ("all", "solved", "best tenth", "none")
 
 @dataclass(frozen=True, eq=False)
 class StudyPoints:
-    """The points of a study that are done.
+    """The points of a study that are done."""
 
-    Attributes:
-        table: of the study.
-        value: name of the number that ranks and colours them.
-    """
-
-    table: StudyTable
-    value: str
+    table: StudyTable  # of the study
+    value: str  # name of the number that ranks and colours them
 
     @cached_property
     def bodies(self) -> MovedBodies:
@@ -103,19 +98,12 @@ class StudyPoints:
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """Marks in the scene, one at each place.
+    """Marks in the scene, one at each place."""
 
-    Attributes:
-        places: m, (count, 3).
-        points: the best point at each place, (count,).
-        ranked: all points, the best first, (points,).
-        place: of each of them by number, (points,).
-    """
-
-    places: Array
-    points: Indices
-    ranked: Indices
-    place: Indices
+    places: Array  # m, (count, 3)
+    points: Indices  # the best point at each place, (count,)
+    ranked: Indices  # all points, the best first, (points,)
+    place: Indices  # of each of them by number, (points,)
 
     @cached_property
     def distance(self) -> float:

@@ -124,21 +124,13 @@ class StudyLook:
 
 @dataclass(frozen=True)
 class StudyFrame:
-    """A figure with a place for the map of a study, and for the trade-off beside it.
+    """A figure with a place for the map of a study, and for the trade-off beside it."""
 
-    Attributes:
-        content: the map.
-        figure: the figure.
-        charts: where the map is drawn.
-        beside: where the trade-off is drawn; None where there is none.
-        look: sizes.
-    """
-
-    content: MapContent
+    content: MapContent  # the map
     figure: Figure
-    charts: Any
-    beside: Any
-    look: StudyLook
+    charts: Any  # where the map is drawn
+    beside: Any  # where the trade-off is drawn; None where there is none
+    look: StudyLook  # sizes
 
     @classmethod
     def of(cls, content: MapContent, look: StudyLook, wide: float, tall: float) -> StudyFrame:

@@ -31,19 +31,12 @@ _COMPONENTS = {
 
 @dataclass(frozen=True)
 class KeyAxis:
-    """What varies together, as pictures and tables name it.
+    """What varies together, as pictures and tables name it."""
 
-    Attributes:
-        number: among the axes of the points.
-        name: the key, or what several have in common and where they differ.
-        unit: of its numbers; empty where there is none.
-        labels: of the rows of what is no number; None of numbers.
-    """
-
-    number: int
-    name: str
-    unit: str
-    labels: tuple[str, ...] | None
+    number: int  # among the axes of the points
+    name: str  # the key, or what several have in common and where they differ
+    unit: str  # of its numbers; empty where there is none
+    labels: tuple[str, ...] | None  # of the rows of what is no number; None of numbers
 
     @property
     def title(self) -> str:

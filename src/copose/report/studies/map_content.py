@@ -37,21 +37,13 @@ def pareto_front(one: Array, other: Array) -> Indices:
 
 @dataclass(frozen=True, eq=False)
 class MapContent:
-    """What a map shows.
+    """What a map shows."""
 
-    Attributes:
-        places: with the number that is shown.
-        axes: the horizontal one, the vertical one, further ones.
-        value: name of the number; ``unit`` its unit, empty where it has none.
-        unit: see ``value``.
-        arms: names, in the order of the problem.
-    """
-
-    places: StudyPlaces
-    axes: tuple[KeyAxis, ...]
-    value: str
-    unit: str
-    arms: tuple[str, ...]
+    places: StudyPlaces  # with the number that is shown
+    axes: tuple[KeyAxis, ...]  # the horizontal one, the vertical one, further ones
+    value: str  # name of the number
+    unit: str  # of the number, empty where it has none
+    arms: tuple[str, ...]  # names, in the order of the problem
 
     @classmethod
     def of(cls, table: StudyTable) -> Self:
@@ -158,19 +150,12 @@ class MapContent:
 
 @dataclass(frozen=True, eq=False)
 class TradeOff:
-    """Two numbers of each place of which as much as possible is wanted, or as little.
+    """Two numbers of each place of which as much as possible is wanted, or as little."""
 
-    Attributes:
-        names: of the numbers.
-        signs: 1 where much is wanted, −1 where little is.
-        numbers: of the places, (2, places).
-        front: places that no other one beats, from much of the first number to little.
-    """
-
-    names: tuple[str, str]
-    signs: tuple[int, int]
-    numbers: Array
-    front: Indices
+    names: tuple[str, str]  # of the numbers
+    signs: tuple[int, int]  # 1 where much is wanted, −1 where little is
+    numbers: Array  # of the places, (2, places)
+    front: Indices  # places that no other one beats, from much of the first number to little
 
     @classmethod
     def of(cls, places: StudyPlaces, asked: tuple[str, str]) -> Self:

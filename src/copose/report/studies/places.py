@@ -18,15 +18,10 @@ Codes: TypeAlias = NDArray[np.int16]
 
 @dataclass(frozen=True)
 class Ending:
-    """What may become of a place.
+    """What may become of a place."""
 
-    Attributes:
-        status: of its best line.
-        arms: that miss their grasp.
-    """
-
-    status: Status
-    arms: tuple[str, ...] = ()
+    status: Status  # of its best line
+    arms: tuple[str, ...] = ()  # that miss their grasp
 
     @property
     def rank(self) -> int:
@@ -56,22 +51,15 @@ class StudyPlaces:
 
     Of several seeds, and of all values of keys that the map leaves out, the one with the best
     objective is kept.
-
-    Attributes:
-        table: of the study.
-        name: of the number that is shown.
-        points: of the seed that is kept.
-        codes: what has become of a place, as numbers of ``endings``.
-        endings: all that occur, solved ones first.
-        spreads: largest less smallest objective over the seeds, nan where not two are solved;
-            empty of one seed.
     """
 
-    table: StudyTable
-    name: str
-    points: Indices
-    codes: Codes
-    endings: tuple[Ending, ...]
+    table: StudyTable  # of the study
+    name: str  # of the number that is shown
+    points: Indices  # of the seed that is kept
+    codes: Codes  # what has become of a place, as numbers of ``endings``
+    endings: tuple[Ending, ...]  # all that occur, solved ones first
+    # Largest less smallest objective over the seeds, nan where not two are solved; empty of one
+    # seed.
     spreads: Array
 
     @classmethod

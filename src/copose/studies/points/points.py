@@ -16,36 +16,23 @@ from copose.studies.study_file import SampleSpec, StudyFile, Vary
 
 @dataclass(frozen=True)
 class Point:
-    """A point of a study.
+    """A point of a study."""
 
-    Attributes:
-        number: from 0, in the study.
-        values: of the keys that vary.
-        seed: of its search.
-        point_hash: of all that decides its line.
-    """
-
-    number: int
-    values: Mapping[str, Any]
-    seed: int
-    point_hash: bytes
+    number: int  # from 0, in the study
+    values: Mapping[str, Any]  # of the keys that vary
+    seed: int  # of its search
+    point_hash: bytes  # of all that decides its line
 
 
 @dataclass(frozen=True)
 class Axis:
-    """What varies together: one key, or several.
+    """What varies together: one key, or several."""
 
-    Attributes:
-        keys: as ``--set`` takes them.
-        rows: the values of every key, a row each; None of a range that is sampled.
-        lower: the least of a range; nan of listed values.
-        upper: the largest; alike.
-    """
-
-    keys: tuple[str, ...]
+    keys: tuple[str, ...]  # as ``--set`` takes them
+    # The values of every key, a row each; None of a range that is sampled.
     rows: Sequence[tuple[Any, ...]] | None
-    lower: float = math.nan
-    upper: float = math.nan
+    lower: float = math.nan  # the least of a range; nan of listed values
+    upper: float = math.nan  # the largest; alike
 
     @property
     def label(self) -> str:

@@ -46,15 +46,11 @@ class ReductionOptions:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A surface of triangles as it is sent to a page.
+    """A surface of triangles as it is sent to a page."""
 
-    Attributes:
-        vertices: its corners, m, (v, 3), once for each smooth part that meets there.
-        faces: corners of each triangle by number, (f, 3).
-    """
-
+    # Its corners, m, (v, 3), once for each smooth part that meets there.
     vertices: NDArray[np.float32]
-    faces: NDArray[np.uint32]
+    faces: NDArray[np.uint32]  # corners of each triangle by number, (f, 3)
 
 
 def light_surface(

@@ -30,15 +30,10 @@ class SwitchRule:
 
 @dataclass(frozen=True)
 class Switch:
-    """A step from one branch to another.
+    """A step from one branch to another."""
 
-    Attributes:
-        at: where along the axis, midway between the two neighbours.
-        arms: that take it.
-    """
-
-    at: float
-    arms: tuple[str, ...]
+    at: float  # where along the axis, midway between the two neighbours
+    arms: tuple[str, ...]  # that take it
 
 
 def branch_switches(

@@ -81,16 +81,11 @@ class PairLook:
 
 @dataclass(frozen=True)
 class KeyShare:
-    """How much a key counts.
-
-    Attributes:
-        axis: the key.
-        value: its share of the variance of the number, over solved points.
-        solved: its share of the variance of whether a point is solved; None where all are or none.
-    """
+    """How much a key counts."""
 
     axis: KeyAxis
-    value: float
+    value: float  # its share of the variance of the number, over solved points
+    # Its share of the variance of whether a point is solved; None where all are or none.
     solved: float | None
 
 
