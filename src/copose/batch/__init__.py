@@ -1,10 +1,9 @@
 """Studies at work: many problems in a plain loop, or on a cluster."""
 
 from copose.batch.run import RunOptions, RunOutcome, run_points, run_study
-from copose.batch.validation import Estimate, check_study, estimate
+from copose.batch.validation import check_study, estimate
 
 __all__ = [
-    "Estimate",
     "RunOptions",
     "RunOutcome",
     "check_study",

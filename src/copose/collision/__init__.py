@@ -8,22 +8,18 @@ from copose.collision.carriers import (
     configurations,
     joint_columns,
 )
-from copose.collision.distance.bodies import Bodies, Nearest, Witness
+from copose.collision.distance.bodies import Bodies, Witness
 from copose.collision.distance.paired_solids import PartPoses
 from copose.collision.scene import Scene, link_looks, link_solids, primitive_of
-from copose.collision.shapes.mesh_files import MeshFile, UnreadableError
+from copose.collision.shapes.mesh_files import UnreadableError
 from copose.collision.shapes.meshes import Mesh
 from copose.collision.shapes.primitives import Primitive
-from copose.collision.shapes.solids import LinkLook, Outline, Part, Solid, link_outlines
+from copose.collision.shapes.solids import Part, Solid, link_outlines
 
 __all__ = [
     "Bodies",
     "Carrier",
-    "LinkLook",
     "Mesh",
-    "MeshFile",
-    "Nearest",
-    "Outline",
     "Part",
     "PartPoses",
     "Placements",

@@ -1,7 +1,6 @@
 """Problems: what is asked, a problem file as frozen, validated data."""
 
 from copose.problem.arms import ArmSpec, PlanarArm, RobotArm
-from copose.problem.cases import CaseSpec
 from copose.problem.file.overrides import aimed, overridden, read_override
 from copose.problem.file.reading import (
     check_depth,
@@ -16,17 +15,10 @@ from copose.problem.file.reading import (
     tables_in,
 )
 from copose.problem.objectives import OBJECTIVE_TABLES
-from copose.problem.objects import (
-    CapsuleShape,
-    Obstacle,
-    PlanarObject,
-    PlanarObstacle,
-    Shape,
-    SpatialObject,
-)
+from copose.problem.objects import CapsuleShape, Obstacle, PlanarObject, PlanarObstacle, Shape
 from copose.problem.path import PathSpec, PlanarWaypoint, Waypoint
 from copose.problem.spaces import SPACES, Space, SpaceName
-from copose.problem.spec import SCHEMA, ConstraintsSpec, PlanarProblem, Problem, SpatialProblem
+from copose.problem.spec import SCHEMA, ConstraintsSpec, Problem
 from copose.problem.variants import case_problems, changed, displaced, held, same_structure
 
 __all__ = [
@@ -35,22 +27,18 @@ __all__ = [
     "SPACES",
     "ArmSpec",
     "CapsuleShape",
-    "CaseSpec",
     "ConstraintsSpec",
     "Obstacle",
     "PathSpec",
     "PlanarArm",
     "PlanarObject",
     "PlanarObstacle",
-    "PlanarProblem",
     "PlanarWaypoint",
     "Problem",
     "RobotArm",
     "Shape",
     "Space",
     "SpaceName",
-    "SpatialObject",
-    "SpatialProblem",
     "Waypoint",
     "aimed",
     "case_problems",

@@ -11,14 +11,13 @@ from copose.report.figures.files import (
     saved,
     starts_figure,
 )
-from copose.report.panels import Comparison, compare
+from copose.report.panels import compare
 from copose.report.text.comparison import comparison_table
 from copose.report.text.motion import motion_table
 from copose.report.text.solution import solution_table
 from copose.report.text.start import chains, guesses
 
 __all__ = [
-    "Comparison",
     "chains",
     "check_format",
     "compare",

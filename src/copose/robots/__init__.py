@@ -1,12 +1,11 @@
 """Each arm as plain numbers: joints, placements, inertias, limits."""
 
-from copose.robots.arm import Arm, ArmStart, Body, Joint, finite_range, freed
+from copose.robots.arm import Arm, ArmStart, Joint, finite_range, freed
 from copose.robots.problem_arms import WholeRobot, load_arms, whole_robots
 
 __all__ = [
     "Arm",
     "ArmStart",
-    "Body",
     "Joint",
     "WholeRobot",
     "finite_range",
