@@ -53,14 +53,8 @@ class Page:
         port: int,
         options: PageOptions | None = None,
     ) -> None:
-        """Find the opening posture and serve the page.
-
-        Args:
-            problem: as read by `copose.load`; or the table of a study, of which the best point is
-                shown.
-            host: address that the page is served at.
-            port: port that it is served at, 0 for a free one.
-            options: times; default those of `PageOptions`.
+        """Find the opening posture, of a study that of its best point, and serve the page; port 0
+        is any that is free.
 
         Raises:
             InputError: the problem or the port cannot be used.

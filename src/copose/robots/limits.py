@@ -26,13 +26,8 @@ class LimitNotes:
         return -lower if lower == np.inf else lower, upper
 
     def positive(self, what: str, joint: str, limit: float | None, fault: str = "") -> float:
-        """A limit that has to be positive; infinite where it is not, or not given.
-
-        Args:
-            what: the limited quantity, in the plural.
-            joint: name of the joint.
-            limit: as written.
-            fault: why it cannot be read, if it cannot.
+        """A limit of a quantity, named in the plural, that has to be positive; infinite where it is
+        not, cannot be read, or is not given.
         """
         if limit is not None and limit > 0:
             return limit

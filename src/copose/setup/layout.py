@@ -72,11 +72,8 @@ def bases(
 
 
 def forward(reaches: Sequence[Reach], telling: float = LayoutOptions.telling) -> Array:
-    """The front of a robot, one of ±x, ±y of its root frame, (3,): x unless its arms tell.
-
-    Args:
-        reaches: of its arms.
-        telling: length of the mean way to the tips that tells, as a part of the shortest reach.
+    """The front of a robot, one of ±x, ±y of its root frame, (3,): x unless its arms tell: their
+    mean way to the tips is such a part of the shortest reach at least.
     """
     across = np.ones(3)
     if len(reaches) > 1:

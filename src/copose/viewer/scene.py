@@ -189,13 +189,8 @@ class CellScene:
         others: Array | None = None,
         options: CameraOptions | None = None,
     ) -> Camera:
-        """The camera from which pictures see a posture; light comes from there too.
-
-        Args:
-            posture: what is seen.
-            way: other poses of the object, which are to be seen as well.
-            others: other points, m, (k, 3), alike.
-            options: of the view; default those of `CameraOptions`.
+        """The camera from which pictures see a posture, other poses of the object, and other
+        points, m, (k, 3); light comes from there too.
         """
         moved = [self._corners(posture)]
         for kind in self.slices.scales:

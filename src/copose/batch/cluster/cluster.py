@@ -29,14 +29,9 @@ def cluster_lines(
     workers: int,
     scheduler: str | None = None,
 ) -> Generator[str, None, None]:
-    """The lines of points, as JSON, in the order in which workers send them.
-
-    Args:
-        recipe: of all points.
-        points: taken as workers need them.
-        robots: files of the study's robots.
-        workers: processes of a local cluster.
-        scheduler: address of a scheduler that exists; None for a local cluster.
+    """The lines of points, as JSON, in the order in which workers send them: processes of a local
+    cluster, or those of a scheduler that exists at an address. Points are taken as workers need
+    them.
 
     Raises:
         StoppedError: the call has to end.

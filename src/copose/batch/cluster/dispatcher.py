@@ -79,15 +79,8 @@ class Dispatcher:
         local: LocalWorkers | None = None,
         options: DispatchOptions = DispatchOptions(),
     ) -> None:
-        """Nothing handed out yet.
-
-        Args:
-            client: of the scheduler.
-            recipe: of all points.
-            points: taken as workers need them.
-            robots: files of the study's robots.
-            local: the processes that are the workers; None where they are others' business.
-            options: how points are handed out.
+        """Nothing handed out yet: points are taken as workers need them. Without local workers
+        these are others' business.
         """
         self._client, self._recipe, self._robots = client, recipe, robots
         self._local, self._options = local, options

@@ -23,13 +23,7 @@ class LocalWorkers:
     """So many worker processes of a scheduler; they end with this process, whatever ends it."""
 
     def __init__(self, count: int, address: str, patience: int = 10) -> None:
-        """None yet; `keep` starts them.
-
-        Args:
-            count: of processes.
-            address: of the scheduler.
-            patience: how many may die, beside two of each, before one is ready.
-        """
+        """None yet; `keep` starts them. Before one is ready some may die, beside two of each."""
         self._address = address
         self._most_deaths = patience + 2 * count
         self._deaths = 0

@@ -63,16 +63,7 @@ class Bodies(PairedSolids):
         planar: bool,
         options: ClearanceTestOptions | None = None,
     ) -> None:
-        """Find a ball round each solid.
-
-        Args:
-            solids: all.
-            pairs: numbers of those that are tested against each other, (p, 2).
-            arms: that carry them.
-            clearance: m.
-            planar: whether they move in a plane.
-            options: of the tests of many configurations; left out, the usual ones.
-        """
+        """Find a ball round each solid; pairs of them, (p, 2), are tested against each other."""
         super().__init__(solids, pairs, arms)
         self.clearance = clearance
         self._distances, self._round = PartDistances(clearance), RoundSolids(self)
@@ -97,10 +88,8 @@ class Bodies(PairedSolids):
         return self._test.too_near(x, pairs)
 
     def judge(self, alone: Sequence[Array]) -> Callable[[Indices], tuple[Mask, Mask]]:
-        """A fast test of combinations of the arms' postures, see `ArmCombinations.verdicts`.
-
-        Args:
-            alone: by arm, configurations, (count_i, size), of which only its own joints count.
+        """A fast test of combinations of the arms' postures, configurations by arm, (count_i,
+        size), of which only its own joints count, see `ArmCombinations.verdicts`.
         """
         unsure = self._test.options.unsure
         return ArmCombinations(self, self._round, alone, self.clearance, unsure).verdicts

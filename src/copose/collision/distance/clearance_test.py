@@ -46,14 +46,8 @@ class ClearanceTest:
         planar: bool,
         options: ClearanceTestOptions,
     ) -> None:
-        """Combine ways to test solids.
-
-        Args:
-            solids: and their pairs.
-            round_solids: those of them that are round.
-            parts: distances of their parts, and the clearance.
-            planar: whether they move in a plane; only many configurations go to Pinocchio then.
-            options: choices between the ways.
+        """Combine ways to test solids; where they move in a plane only many configurations go to
+        Pinocchio.
         """
         self.clearance, self.options = parts.clearance, options
         self._solids, self._round, self._parts = solids, round_solids, parts

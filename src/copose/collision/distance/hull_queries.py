@@ -34,14 +34,8 @@ class HullQueries:
         clearance: float,
         options: HullQueryOptions = HullQueryOptions(),
     ) -> None:
-        """Build the model.
-
-        Args:
-            arms: that carry the shapes.
-            shapes: each with its placement in its carrier's frame.
-            pairs: numbers of shapes that are tested against each other, (k, 2).
-            clearance: what they must keep, m.
-            options: accuracy.
+        """Build the model of shapes, each with its placement in its carrier's frame; pairs of them,
+        (k, 2), must keep a clearance, m.
         """
         model, joints = _joints(arms)
         hulls, surfaces = [], []

@@ -191,10 +191,8 @@ def ellipsoid_mesh(axes: Array) -> Mesh:
 
 
 def _ball(quartered: int = 3) -> tuple[Array, Indices]:
-    """Corners and triangles of a polyhedron that holds the unit ball, wound outwards.
-
-    Args:
-        quartered: how often the triangles of an octahedron are divided by four; by 3 there are 512.
+    """Corners and triangles of a polyhedron that holds the unit ball, wound outwards: those of an
+    octahedron, divided by four so often; by 3 there are 512.
     """
     corners = [tuple(row) for row in np.vstack([np.eye(3), -np.eye(3)])]
     number = {corner: i for i, corner in enumerate(corners)}

@@ -27,13 +27,8 @@ def line(words: str) -> str:
 
 
 def titled_table(title: str, rows: Iterable[tuple[str, str]], below: str, key: str) -> str:
-    """Numbers under a title.
-
-    Args:
-        title: the title.
-        rows: names, and HTML of their numbers.
-        below: HTML below them.
-        key: beginning of the identifiers of cells; the last word of the name follows.
+    """Numbers under a title: names, and HTML of their values and below them; identifiers of cells
+    begin with a key, and the last word of the name follows.
     """
     cells = "".join(
         f'<tr><td style="padding-right: 1em">{name}</td>'

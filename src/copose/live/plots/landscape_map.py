@@ -61,15 +61,8 @@ def map_svg(
 ) -> str:
     """The objective over the self-motions of two arms: the first upwards, the second to the right.
 
-    Postures that limits or bodies do not allow are faded and hatched.
-
-    Args:
-        landscape: the map.
-        present: arc lengths at the arms' posture, in place of the map's.
-        value: of the objective there, in place of the map's.
-        width: width of the drawing, px.
-        height: height of the drawing, px.
-        look: colours and sizes.
+    Postures that limits or bodies do not allow are faded and hatched. Arc lengths and value at the
+    arms' posture may be given in place of the map's.
     """
     current = landscape.present
     if current is not None:

@@ -40,14 +40,8 @@ def ranking_svg(
     values: Array, scale: ColorScale, title: str, rank: int | None,
     look: RankingLook = RankingLook(),
 ) -> str:  # fmt: skip
-    """The curve of values over ranks, beside a bar of their colours.
-
-    Args:
-        values: from the best to the worst, at least one.
-        scale: their colours.
-        title: what the values are, with the unit.
-        rank: the one that is marked, from 0; None marks none.
-        look: sizes.
+    """The curve of values, from the best to the worst, over ranks, beside a bar of their colours; a
+    rank, from 0, is marked.
     """
     low, high = scale.low, scale.high
     if not high > low:

@@ -94,13 +94,8 @@ def _sign(x: float) -> str:
 def _wrenches(
     solution: Solution, posture: Posture, *, most: int = 8, a_row: int = 2
 ) -> list[RenderableType]:
-    """Tables with a row for each extreme: sizes of every arm's force, moment and internal force.
-
-    Args:
-        solution: the result of the posture.
-        posture: the posture.
-        most: extremes that are all listed; of more only those that are not along an axis.
-        a_row: arms beside one another in a table.
+    """Tables with a row for each extreme, of many only for those that are not along an axis: sizes
+    of every arm's force, moment and internal force, some arms beside one another.
     """
     wrenches = posture.wrenches
     if not wrenches:

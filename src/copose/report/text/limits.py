@@ -60,12 +60,8 @@ def limit_rows(solution: Solution) -> Iterator[tuple[str, str, str, str]]:
 def limit_lines(
     solution: Solution, posture: Posture, before: Posture | None = None
 ) -> Iterator[tuple[str, str]]:
-    """Limits that keep a posture from being better: joints, torques and bodies at, or near, them.
-
-    Args:
-        solution: the result of the posture.
-        posture: the posture after.
-        before: the posture that it is compared with.
+    """Limits that keep a posture from being better: joints, torques and bodies at, or near, them,
+    and what they were before.
     """
     if _bounded(solution):
         ends = {

@@ -25,11 +25,8 @@ from copose.results import Motion
 
 
 def motion_table(motion: Motion, *, verbose: bool = False) -> RenderableType:
-    """The objective of a motion, the limits that it uses, and the search for it.
-
-    Args:
-        motion: the result.
-        verbose: whether to list what was searched and how long it took.
+    """The objective of a motion, the limits that it uses, and the search for it; verbose also what
+    was searched and how long it took.
     """
     tables: list[RenderableType] = []
     if motion.knots is not None:

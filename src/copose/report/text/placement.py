@@ -69,12 +69,8 @@ def _meaning(record: FreeRecord) -> str:
 
 
 def case_tables(solution: Solution, *, most: int = 6, a_row: int = 3) -> Iterator[RenderableType]:
-    """Weight and objective of every case with the total, limits that it meets, and its joints.
-
-    Args:
-        solution: with cases.
-        most: cases whose joints are listed.
-        a_row: cases beside one another in a table of joints.
+    """Weight and objective of every case with the total, limits that it meets, and joints of the
+    first cases, some beside one another.
     """
     cases, past = solution.cases or (), solution.cases_before or ()
     yield _objectives(solution, cases, past)

@@ -25,11 +25,8 @@ from copose.results import Solution
 
 
 def solution_table(solution: Solution, *, verbose: bool = False) -> RenderableType:
-    """The tables of a result, in the order in which a reader asks.
-
-    Args:
-        solution: the result.
-        verbose: whether to list what was searched and how long it took.
+    """The tables of a result, in the order in which a reader asks; verbose also what was searched
+    and how long it took.
     """
     tables: list[RenderableType] = []
     if solution.after is not None:

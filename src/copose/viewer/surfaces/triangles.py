@@ -59,12 +59,8 @@ def box(size: Array) -> Triangles:
 
 
 def revolved(radii: Array, heights: Array, around: int = 24) -> Triangles:
-    """The surface that a curve sweeps about z, from the lowest point up; its ends lie on z.
-
-    Args:
-        radii: distances of the curve's points from z, (k,), 0 at both ends.
-        heights: their coordinates along z.
-        around: corners of a circle.
+    """The surface that a curve of radii, 0 at both ends, and heights, (k,) each, sweeps about z,
+    from the lowest point up.
     """
     angles = np.arange(around) * 2 * np.pi / around
     ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(around)])

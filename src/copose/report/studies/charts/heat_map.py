@@ -94,14 +94,8 @@ def draw_heat(
     ax: Axes, content: MapContent, scale: ValueScale, layer: int | None = None, *,
     look: HeatLook = HeatLook(),
 ) -> Any:  # fmt: skip
-    """A heat map of a grid along the first two axes of a map.
-
-    Args:
-        ax: the axes.
-        content: the map; with a third axis ``layer`` is a row of it.
-        scale: of colours.
-        layer: see ``content``.
-        look: the look.
+    """A heat map of a grid along the first two axes of a map; where it has a third axis, of a layer
+    along that.
 
     Returns:
         Contours, None where there are none.

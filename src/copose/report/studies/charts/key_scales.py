@@ -28,16 +28,8 @@ def label_scale(
     ax: Axes, which: Literal["x", "y"], axis: KeyAxis, along: Array, *, titled: bool = True,
     few: int | None = None, look: ScaleLook = ScaleLook(),
 ) -> None:  # fmt: skip
-    """Name an axis and tick it.
-
-    Args:
-        ax: the axes.
-        which: x or y.
-        axis: the key.
-        along: its different values, ascending.
-        titled: whether its name is written.
-        few: number of ticks at most, where there is little room.
-        look: sizes.
+    """Name an axis, where it is titled, and tick it along a key's different values, ascending, with
+    ``few`` ticks at most where there is little room.
     """
     scale = ax.xaxis if which == "x" else ax.yaxis
     if titled:
