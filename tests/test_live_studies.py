@@ -19,9 +19,8 @@ from copose.errors import InputError
 from copose.live import open_study
 from copose.live.page import Page
 from copose.live.session.session import Session
-from copose.live.studies.moved_bodies import MovedBodies
 from copose.live.studies.study_player import PointChoice, document_at
-from copose.live.studies.study_points import Marks, StudyPoints
+from copose.live.studies.study_points import Marks, MovedBodies, StudyPoints
 from copose.problem import held
 from copose.studies.study import Study, StudyFolder
 from copose.studies.table import StudyTable

@@ -25,7 +25,6 @@ class PlannerCache:
     """The planners that were used last, the latest at the end."""
 
     def __init__(self, most: int) -> None:
-        """An empty cache of a size."""
         self._most, self._planners = most, list[Planner]()
 
     def __iter__(self) -> Iterator[Planner]:

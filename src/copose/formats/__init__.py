@@ -1,7 +1,6 @@
 """Postures and motions in the formats of other programs."""
 
-from copose.formats.csv_tables import trajectory_csv
-from copose.formats.registry import FORMATS, export, exported_text, usual_name
+from copose.formats.registry import FORMATS, export, exported_text, trajectory_csv, usual_name
 from copose.formats.ros import joint_trajectory_yaml
 
 __all__ = [

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import csv
+import io
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from copose.errors import InputError, nearest
-from copose.formats.csv_tables import posture_csv, trajectory_csv
 from copose.formats.keyframes import keyframes_xml
 from copose.formats.postures import ExportedPosture, knots, problem_of
 from copose.formats.ros import (
@@ -19,6 +20,29 @@ from copose.formats.ros import (
 from copose.formats.srdf import group_state_srdf
 from copose.problem import SPACES, Problem
 from copose.results import Motion, Solution, write_file
+
+
+def posture_csv(exported: ExportedPosture) -> str:
+    """The table of a posture, ``arm/joint, …`` and one row, rad or m."""
+    return _text([*exported.solution.q_names], [exported.posture.q.tolist()])
+
+
+def trajectory_csv(motion: Motion) -> str:
+    """The table of a motion, ``time, arm/joint, …``: a row for every knot, s and rad or m.
+
+    Raises:
+        InputError: nothing moves.
+    """
+    rows = ([time, *knot.q.tolist()] for time, knot in knots(motion))
+    return _text(["time", *motion.q_names], rows)
+
+
+def _text(header: list[str], rows: Iterable[list[float]]) -> str:
+    sink = io.StringIO()
+    writer = csv.writer(sink, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(map(repr, row) for row in rows)
+    return sink.getvalue()
 
 
 def posture_page(exported: ExportedPosture) -> str:

@@ -27,7 +27,6 @@ class LivePage:
     """
 
     def __init__(self, page: Page) -> None:
-        """The handle of a page that is served."""
         self._page = page
 
     @property

@@ -53,7 +53,7 @@ def study_frame(table: StudyTable) -> pandas.DataFrame:
         InputError: pandas is not installed.
     """
     frame: pandas.DataFrame = package("pandas", "study").DataFrame(
-        list(rows(table)), columns=names(table)
+        list(rows(table)), columns=list(_kinds(table))
     )
     return frame.set_index("point")
 
@@ -105,11 +105,6 @@ def write_parquet(table: StudyTable, file: Path, rows_at_once: int = 10_000) -> 
                 writer.write_table(arrow.Table.from_pylist(block, schema))
                 block = []
         writer.write_table(arrow.Table.from_pylist(block, schema))
-
-
-def names(table: StudyTable) -> list[str]:
-    """The columns of the table in order."""
-    return list(_kinds(table))
 
 
 def rows(table: StudyTable) -> Iterator[dict[str, Any]]:

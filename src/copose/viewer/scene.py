@@ -37,12 +37,6 @@ class CellScene:
     ``/obstacles/NAME``, ``/ellipsoid/…``, ``/exact/…``, ``/directions/…``, ``/path``, ``/grid``
     and ``/world``; a slash in a name is written ``%2F``.
 
-    Args:
-        scene: where it is drawn, of a server or of one client.
-        problem: what is asked.
-        arms: the problem's arms.
-        looks: of the arms' links, see `link_looks`.
-
     Attributes:
         object: the frame of the object's centre of mass.
         obstacles: of each its mesh, by name.

@@ -22,7 +22,6 @@ class Controls:
     """
 
     def __init__(self, gui: viser.GuiApi) -> None:
-        """The controls of a panel."""
         self.gui = gui
         self._setter: int | None = None
 

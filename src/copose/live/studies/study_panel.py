@@ -114,7 +114,6 @@ class StudyPanel:
     """The controls of a study, in a panel of their own."""
 
     def __init__(self, gui: viser.GuiApi, points: StudyPoints, acts: StudyActs) -> None:
-        """Build the controls."""
         self._controls, self._acts = Controls(gui), acts
         self._points, self._point = points, 0
         self._here: list[int] = []

@@ -117,7 +117,6 @@ class _SpatialScenes:
     """
 
     def __init__(self, panels: list[Panel], look: CasesLook) -> None:
-        """The scenes of panels."""
         self._panels, self._stage = panels, SpatialStage.of(panels)
         self.words = [(kind.words(panels), kind.color) for kind in self._stage.kinds]
         self.entries = legend_entries(panels[0].solution.joint_names)
@@ -143,7 +142,6 @@ class _PlanarScenes:
     below: float = 0.85
 
     def __init__(self, panels: list[Panel], look: CasesLook) -> None:
-        """The scenes of panels."""
         self._panels, self._stage = panels, PlanarStage.of(panels)
         self._low, self._high = self._stage.frame(panels, [])
         width, height = self._high - self._low

@@ -106,7 +106,6 @@ class PointIndex:
     """
 
     def __init__(self, points: Points, hashes: PointHashes) -> None:
-        """The index of some points."""
         count = len(points)
         numbers = np.fromiter(
             (_number(hashes.at(points.values(i), points.seed(i))) for i in range(count)),

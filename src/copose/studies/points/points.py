@@ -97,7 +97,6 @@ class Points:
     """
 
     def __init__(self, study: StudyFile) -> None:
-        """The points of a study."""
         self.seeds, self._sample = study.seeds, study.sample
         self.sampled = study.sample is not None
         self.axes = tuple(Axis.of(vary, sampled=self.sampled) for vary in study.vary)

@@ -31,15 +31,8 @@ class Robots:
     """The arms of a cell in a scene.
 
     Their frames are nodes, ``/arms/NAME/root``, ``/arms/NAME/joint1`` … and ``/arms/NAME/tip``, on
-    which links hang by their own names.
-
-    Args:
-        scene: where they are drawn.
-        arms: the arms.
-        looks: of their links.
-        planar: whether joints are pins in the plane.
-        ghost: whether they show an earlier posture, translucent and under ``/before``.
-        look: opacities and sizes.
+    which links hang by their own names; those of a ghost, an earlier posture, are translucent and
+    under ``/before``. In the plane joints are pins.
 
     Attributes:
         top: the node above them all.

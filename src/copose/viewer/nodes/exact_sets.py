@@ -36,10 +36,7 @@ class ExactSetLook:
 class ExactSets:
     """The exact sets of linear and of angular accelerations: ``/exact/linear``, ``/exact/angular``.
 
-    Args:
-        scene: where they are drawn.
-        limits: whether ellipsoids have the unit of the sets, and so their scale.
-        look: opacity and sizes.
+    Within torque limits ellipsoids have the unit of the sets, and so their scale.
     """
 
     def __init__(

@@ -32,12 +32,8 @@ class FrameLook:
 class Hands:
     """The hands of a cell and where they are to hold the object.
 
-    Nodes: ``/arms/NAME/tip/axes``, ``/grasps/NAME``, and ``/gaps/NAME`` between the two.
-
-    Args:
-        scene: where they are drawn.
-        arms: whose hands.
-        rigid: whether a grasp fixes a hand's orientation; else it has no axes to show.
+    Nodes: ``/arms/NAME/tip/axes``, ``/grasps/NAME``, and ``/gaps/NAME`` between the two. A grasp
+    that does not fix a hand's orientation has no axes to show.
     """
 
     def __init__(self, scene: SceneApi, arms: Sequence[Arm], *, rigid: bool) -> None:
