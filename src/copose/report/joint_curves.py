@@ -12,16 +12,12 @@ from copose.results import JointRecord, Knot, Motion
 
 @dataclass(frozen=True, eq=False)
 class JointCurves:
-    """The joints of one arm over the knots of a motion.
+    """The joints of one arm over the knots of a motion."""
 
-    Attributes:
-        values: each from −1 at its lower to 1 at its upper limit; of joints without limits in
-            turns, or in rad or m where no joint of the arm has any, (n, n_i).
-        bounded: whether a joint has limits, by joint.
-    """
-
+    # Each from −1 at its lower to 1 at its upper limit; of joints without limits in turns, or in
+    # rad or m where no joint of the arm has any, (n, n_i).
     values: Array
-    bounded: tuple[bool, ...]
+    bounded: tuple[bool, ...]  # whether a joint has limits, by joint
 
     @classmethod
     def of(cls, motion: Motion, arm: str) -> JointCurves:

@@ -49,12 +49,8 @@ def default_name(robots: Sequence[str]) -> str:
 
 @one_at_a_time
 def draft(robots: Sequence[str], file: Path, wishes: Wishes) -> Draft:
-    """A problem of robots around one object, every guess of it with a comment.
-
-    Args:
-        robots: URDFs and MuJoCo models, as `RobotEntry.of` takes them.
-        file: that it will be written to.
-        wishes: parts that are not guessed.
+    """A problem of robots, as `RobotEntry.of` takes them, around one object, for a file: every
+    guess of it has a comment, and what is wished is not guessed.
 
     Raises:
         InputError: a robot cannot be used, or has no arms, or a wish does not fit.

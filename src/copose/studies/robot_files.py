@@ -26,18 +26,14 @@ from copose.studies.study_file import StudyFile, Vary
 
 @dataclass(frozen=True)
 class RobotSources:
-    """The files of a robot that decide an answer.
+    """The files of a robot that decide an answer."""
 
-    Attributes:
-        file: the one that names the others. In place of a .xacro, whose own files and folders need
-            not be anywhere else, its expansion, as a file beside it that there is not.
-        contents: by absolute path, the file's first; None where there is none that could matter.
-        packages: folders of the packages that it names.
-    """
-
+    # The one that names the others. In place of a .xacro, whose own files and folders need not be
+    # anywhere else, its expansion, as a file beside it that there is not.
     file: Path
+    # By absolute path, the file's first; None where there is none that could matter.
     contents: Mapping[Path, bytes | None]
-    packages: Mapping[str, Path]
+    packages: Mapping[str, Path]  # folders of the packages that it names
 
     @classmethod
     def of(cls, robot: Robot, *, shapes: bool) -> RobotSources:
@@ -94,14 +90,11 @@ class RobotPlace:
 
 @dataclass(frozen=True)
 class RobotPlaces:
-    """Where the robots of a study are, and what their files hold: small, whatever the meshes.
+    """Where the robots of a study are, and what their files hold: small, whatever the meshes."""
 
-    Attributes:
-        robots: by what the tables of arms say of a robot's files, see `_name`.
-        digests: of the files, by absolute path; None where there must be none.
-    """
-
+    # By what the tables of arms say of a robot's files, see `_name`.
     robots: Mapping[str, RobotPlace]
+    # Of the files, by absolute path; None where there must be none.
     digests: Mapping[Path, bytes | None]
 
     @property

@@ -28,15 +28,10 @@ class ArmCombinations:
         *,
         caution: float = 1e-9,
     ) -> None:
-        """Place all solids of each arm in each of its postures.
-
-        Args:
-            solids: and their pairs.
-            round_solids: those of them that are round.
-            postures: by arm, configurations, (count_i, size), of which only its own joints count.
-            clearance: that is kept, m.
-            unsure: how near to it distances of round solids decide nothing, m.
-            caution: share by which squares of distances of balls may be rounded.
+        """Place all solids of each arm in each of its postures, configurations by arm, (count_i,
+        size), of which only its own joints count. So near to the clearance, m, distances of round
+        solids decide nothing; ``caution`` is the share by which squares of distances of balls may
+        be rounded.
         """
         arms, self._tables = solids.pair_arms[solids.shared], list[TwoArms]()
         where = [solids.placed(x) for x in postures]

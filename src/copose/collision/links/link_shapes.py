@@ -17,19 +17,14 @@ from copose.robots.robot import Robot
 
 @dataclass(frozen=True)
 class LinkFormat:
-    """The readers of links' shapes in one format of robot files.
+    """The readers of links' shapes in one format of robot files."""
 
-    Attributes:
-        elements: what gives a link its shape in such a file, in words.
-        geometry: shapes to be tested, of a robot; the flag tells that only their sizes are needed,
-            for which meshes are read in a third of the time.
-        looks: shapes by which a robot's links are shown.
-        kept_apart: pairs of links that a file itself keeps from touching, by what in it does so.
-    """
-
-    elements: str
+    elements: str  # what gives a link its shape in such a file, in words
+    # Shapes to be tested, of a robot; the flag tells that only their sizes are needed, for which
+    # meshes are read in a third of the time.
     geometry: Callable[[Robot, bool], Geometry]
-    looks: Callable[[Robot], Looks]
+    looks: Callable[[Robot], Looks]  # shapes by which a robot's links are shown
+    # Pairs of links that a file itself keeps from touching, by what in it does so.
     kept_apart: Callable[[Tree], Mapping[str, set[LinkPair]]]
 
 

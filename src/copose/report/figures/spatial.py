@@ -35,15 +35,9 @@ class _SpatialLayout:
     def of(
         cls, figure: Figure, panels: list[Panel], kinds: int, sets: int, lines: int, *, shares: bool
     ) -> _SpatialLayout:
-        """The layout of panels.
-
-        Args:
-            figure: the figure, whose height it sets.
-            panels: what is drawn.
-            kinds: number of kinds of slices.
-            sets: number of exact sets.
-            lines: lines of words between heading and scenes.
-            shares: whether shares of torques are drawn.
+        """The layout of panels in a figure, whose height it sets, by the numbers of kinds of
+        slices, of exact sets, and of lines of words between heading and scenes, and with shares of
+        torques or without.
         """
         # Shares stand beside the semi-axes where exact sets make the picture wide, else below them.
         apart = shares and not (sets and kinds)

@@ -34,16 +34,12 @@ class LinkBody:
 
 @dataclass(frozen=True, eq=False)
 class LinkBodies:
-    """The links of all arms of a problem, each in the frame that moves it.
+    """The links of all arms of a problem, each in the frame that moves it."""
 
-    Attributes:
-        parts: arm, frame, and there triangles, (f, 3, 3), and outward normals, (f, 3); flat parts
-            are left out.
-        shared: the arm whose root carries what several arms share, if any.
-    """
-
+    # Arm, frame, and there triangles, (f, 3, 3), and outward normals, (f, 3); flat parts are left
+    # out.
     parts: tuple[tuple[str, int, Array, Array], ...]
-    shared: frozenset[str]
+    shared: frozenset[str]  # the arm whose root carries what several arms share, if any
 
     @classmethod
     def of(cls, problem: ProblemRecord) -> LinkBodies:

@@ -26,17 +26,13 @@ canonical = json.JSONEncoder(sort_keys=True, separators=(",", ":"), default=str)
 
 @dataclass(frozen=True)
 class RobotDigests:
-    """Hashes of the robot files that points read.
+    """Hashes of the robot files that points read."""
 
-    Attributes:
-        whole: of all files.
-        choices: for each ``[[vary]]`` whose values name different files its keys, and the number of
-            the choice by a row of their values, JSON.
-        parts: hash of the files of a combination of choices, by their numbers with commas.
-    """
-
-    whole: str
+    whole: str  # of all files
+    # For each ``[[vary]]`` whose values name different files its keys, and the number of the choice
+    # by a row of their values, JSON.
     choices: tuple[tuple[tuple[str, ...], Mapping[str, int]], ...] = ()
+    # Hash of the files of a combination of choices, by their numbers with commas.
     parts: Mapping[str, str] = field(default_factory=dict)
 
     def at(self, values: Mapping[str, Any]) -> str:

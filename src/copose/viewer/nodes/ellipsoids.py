@@ -23,15 +23,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """A ball of radius 1, stretched along axes of its own, which are turned in the world.
+    """A ball of radius 1, stretched along axes of its own, which are turned in the world."""
 
-    Attributes:
-        quaternion: of its axes in the world, [w, x, y, z].
-        radii: its semi-axes along them, (3,), in the unit of the ellipsoid; of coordinates that a
-            slice does not have next to nothing.
-    """
-
-    quaternion: Array
+    quaternion: Array  # of its axes in the world, [w, x, y, z]
+    # Its semi-axes along them, (3,), in the unit of the ellipsoid; of coordinates that a slice does
+    # not have next to nothing.
     radii: Array
 
     @classmethod

@@ -85,15 +85,9 @@ def draw_endings(
     ax: Axes, codes: Codes, edges: tuple[Array, Array], content: MapContent, *,
     finest: int = 250, **more: Any,
 ) -> None:  # fmt: skip
-    """Hatch the cells of a grid that have no number, one patch for each ending.
-
-    Args:
-        ax: the axes.
-        codes: of the cells, (columns, rows).
-        edges: of columns and of rows, one more than there are.
-        content: the map.
-        finest: cells along an axis that are told apart; of more some are left out.
-        more: keywords of the patches.
+    """Hatch the cells of a grid that have no number, by codes of the cells, (columns, rows), and
+    edges of both, one patch for each ending; so many are told apart along an axis, of more some are
+    left out.
     """
     steps = [max(1, -(-size // finest)) for size in codes.shape]
     coarse = codes[:: steps[0], :: steps[1]]
