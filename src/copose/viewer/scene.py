@@ -21,9 +21,8 @@ from copose.viewer.nodes.directions import DirectionArrows
 from copose.viewer.nodes.ellipsoids import Slices
 from copose.viewer.nodes.exact_sets import ExactSets
 from copose.viewer.nodes.ground import lay_grid, light, light_from
-from copose.viewer.nodes.hands import Hands, move, stretch
+from copose.viewer.nodes.hands import Hands, move, object_pose, stretch
 from copose.viewer.nodes.objects import add_object, add_obstacle
-from copose.viewer.result_poses import object_pose
 from copose.viewer.surfaces.triangles import primitive_triangles
 
 if TYPE_CHECKING:

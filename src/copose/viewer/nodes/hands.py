@@ -1,4 +1,4 @@
-"""Hands and grasps in a scene: their axes, and a line where a hand misses its grasp."""
+"""Hands and grasps in a scene: their axes and poses, and a line where a hand misses its grasp."""
 
 from __future__ import annotations
 
@@ -10,14 +10,33 @@ import numpy as np
 
 from copose.poses import Array, Pose
 from copose.report.look import LOOK
-from copose.results import Posture
+from copose.results import PlanarPlace, Posture
+from copose.results.posture import SpatialFrame
 from copose.robots import Arm
 from copose.viewer.names import node, rgb
-from copose.viewer.result_poses import frame_pose
 from copose.viewer.surfaces.triangles import cylinder, turned_to
 
 if TYPE_CHECKING:
     from viser import FrameHandle, MeshHandle, SceneApi
+
+
+def object_pose(posture: Posture) -> Pose:
+    """The pose of the object in the world, T_world_object."""
+    place = posture.object
+    if isinstance(place, PlanarPlace):
+        return _planar(place)
+    return Pose.from_quaternion(place.position, place.quaternion)
+
+
+def frame_pose(frame: SpatialFrame | PlanarPlace) -> Pose:
+    """The pose of a base or a grasp."""
+    if isinstance(frame, PlanarPlace):
+        return _planar(frame)
+    return Pose.from_rpy(frame.position, frame.rpy)
+
+
+def _planar(place: PlanarPlace) -> Pose:
+    return Pose.from_rpy((*place.position, 0.0), (0.0, 0.0, place.angle))
 
 
 @dataclass(frozen=True)
