@@ -140,13 +140,8 @@ def holds(posture: Posture, arm: str) -> bool:
 def shared_scales(panels: list[Panel], longest: list[float], length: float) -> list[float] | None:
     """Metres drawn per unit of acceleration, by panel: one scale for all that share a unit.
 
-    Args:
-        panels: the panels.
-        longest: the longest semi-axis of each, 0 where there is none.
-        length: length at which the longest of all is drawn, m.
-
-    Returns:
-        None where there is nothing to draw.
+    The longest of the semi-axes, 0 of a panel without one, is drawn at a length, m; None where
+    there is nothing to draw.
     """
     if not any(longest):
         return None

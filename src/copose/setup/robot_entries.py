@@ -97,11 +97,8 @@ def _relative(file: Path, folder: Path) -> str:
 
 
 def named_arms(robots: Sequence[RobotEntry], tips: Sequence[str]) -> list[NamedArm]:
-    """The arms of all robots and what they are called.
-
-    Args:
-        robots: in order.
-        tips: ``link`` or ``name=link``; a robot that has none of them is searched for arms.
+    """The arms of all robots and what they are called; a robot that has none of the tips, ``link``
+    or ``name=link``, is searched for arms.
 
     Raises:
         InputError: a robot without arms, or a tip that no robot has.

@@ -18,11 +18,7 @@ from copose.studies.table import StudyTable
 
 def pareto_front(one: Array, other: Array) -> Indices:
     """The points that no other point beats: none is at least as large in both numbers and larger
-    in one. Of equal points the first counts.
-
-    Args:
-        one: a number of each point, nan where there is none, (count,).
-        other: alike.
+    in one. Of equal points the first counts; one without a number, nan, does not.
 
     Returns:
         Their numbers, by ``one`` descending, so that ``other`` ascends.

@@ -205,11 +205,8 @@ class Tree:
     def placed(
         self, positions: Mapping[str, float], free: Collection[str] = ()
     ) -> dict[str, tuple[str | None, Pose]]:
-        """The free joint that moves each link, and the link's pose in that joint's frame.
-
-        Args:
-            positions: of the movable joints, see `Standing`; all others are at rest.
-            free: names of the joints that move.
+        """The free joint that moves each link, and the link's pose in that joint's frame, by
+        positions of movable joints, see `Standing`; all others are at rest.
 
         Returns:
             The frame of a free joint is its child link's; links that none moves have None, and
