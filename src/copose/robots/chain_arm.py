@@ -20,7 +20,8 @@ from copose.robots.robot import Robot, RobotOnBase
 
 
 def robot_arm(spec: RobotArm, robot: Robot, key: str, *, weighed: bool) -> tuple[Arm, RobotOnBase]:
-    """The chain root → tip of a robot with every other joint locked.
+    """The chain root → tip of a robot with every other joint locked; weighed where the inertia of
+    its links is needed.
 
     Raises:
         InputError: the chain cannot be used; the message names the joints and links.
