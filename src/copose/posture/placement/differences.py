@@ -68,6 +68,8 @@ class Differences:
 
     def of_places(self, ends: Sequence[Placed], least: float, most: int) -> list[Placed]:
         """The first ends whose placements differ by more than the least, as a share of ranges."""
+        if not ends:
+            return []
         x = self._arrays(ends)[1]
 
         def near(row: int, _: Mask) -> Mask:

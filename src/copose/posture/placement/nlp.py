@@ -92,12 +92,12 @@ class PlacementNlp:
         """A placement as the variables of the program."""
         return np.concatenate([*placed.q, self._places.joined(placed.x)])
 
-    def placed(self, variables: Array, value: float = -np.inf, count: int = 1) -> Placed:
+    def placed(self, variables: Array, value: float = -np.inf) -> Placed:
         """The placement of the variables of the program."""
         size = self._places.size
         q = np.split(variables[: len(variables) - size], len(self._cases))
         x = self._places.parted(variables[len(variables) - size :])
-        return Placed(tuple(x), tuple(q), value, count)
+        return Placed(tuple(x), tuple(q), value)
 
     def _evaluated(self, variables: Array) -> Placed:
         """The placement, with its value, of the variables of the program."""

@@ -20,9 +20,11 @@ class Placed:
         q: stacked joints by case, (N,) each.
         value: Σ weight · objective.
         count: how many starts ended here.
+        converged: whether what is here met the tolerance of a climb.
     """
 
     x: FreePoses
     q: tuple[Array, ...]
     value: float
     count: int = 1
+    converged: bool = False

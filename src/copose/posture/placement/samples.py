@@ -52,11 +52,11 @@ class PlacementSampler:
         share = np.vstack(every)
         return np.asarray((1 - share) * low + share * high)
 
-    def around(self, xs: FreePoses, count: int, near: float) -> Iterator[FreePoses]:
+    def around(self, xs: FreePoses, count: int, near: float, turn: int) -> Iterator[FreePoses]:
         """Placements drawn around one, within this share of the ranges."""
         if not len(self._freedom):
             return
-        rng = np.random.default_rng([self._seed, 9])
+        rng = np.random.default_rng([self._seed, 9, turn])
         low, high = self._freedom.lower, self._freedom.upper
         for step in rng.uniform(-near, near, (count, len(low))):
             yield from self.held(tuple(np.clip(x + step * (high - low), low, high) for x in xs))

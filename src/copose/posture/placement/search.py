@@ -8,7 +8,7 @@ where these end the postures are searched anew.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -100,6 +100,9 @@ class PlacementSearch:
             stage("trying placements", min(starter.tried, self._most), self._most)
             self._starts += starter.glanced(xs, self._settings(xs))
         self._starts.sort(key=lambda start: -start.value)
+        for turn, near in enumerate(options.nearer if self._newton else ()):
+            self._starts += self._starts_around(self._starts, near, turn)
+            self._starts.sort(key=lambda start: -start.value)
         most = options.raced if self._newton else options.climbed // self._cost
         self._climb(self._distinct(self._starts, most), options.race)
         for _ in range(options.rounds if self._ends else 0):
@@ -110,7 +113,7 @@ class PlacementSearch:
             self._climb(new, options.last_race)
             if not max(end.value for end in self._ends) > best[0].value + self._same.objective:
                 break
-        return self._outcome(self._gathered(self._ends))
+        return self._outcome(self._certified(self._gathered(self._ends)))
 
     @property
     def so_far(self) -> PlacementOutcome:
@@ -134,6 +137,16 @@ class PlacementSearch:
         self._polished += 1
         return self._program.climb(start)
 
+    def _certified(self, optima: Sequence[Placed]) -> list[Placed]:
+        """The optima, of which programs have gone on from the best that Newton steps stalled at."""
+        if not self._model.objective.smooth or not self._newton or not optima:
+            return list(optima)
+        least, ends = optima[0].value - self._options.near_best, list(optima)
+        for k, end in enumerate(optima[: self._options.certified]):
+            if not end.converged and end.value > least:
+                ends[k] = self.polish(end)
+        return self._gathered(ends)
+
     def _climb(self, starts: Sequence[Placed], race: Sequence[tuple[int, int]]) -> None:
         if self._newton and starts:
             starts = self._raced(starts, race)
@@ -146,28 +159,26 @@ class PlacementSearch:
         """Climbs by Newton steps from all starts at once.
 
         Returns:
-            Ends that programs have to go on from: the best where the score is a stand-in, else
-            what has not met the tolerance and may yet be the best.
+            Ends that programs have to go on from: the best where the score is a stand-in.
         """
         stage("climbing", 0, len(starts))
         self._polished += len(starts)
-        program, options = self._program, self._options
+        program, smooth = self._program, self._model.objective.smooth
         variables = np.array([program.stacked(start) for start in starts])
         ended = self._polisher.polish(variables, race)
         order = np.argsort(-ended.value, kind="stable")
-        smooth = self._model.objective.smooth
-        left = list[Placed]()
-        for row in order[np.isfinite(ended.value[order])]:
-            end = program.placed(ended.q[row], float(ended.value[row]), int(ended.met[row]))
-            if smooth and ended.converged[row]:
-                self._ends.append(end)
-            elif np.isfinite(ended.error[row]):
-                left.append(end)
-        best = max((end.value for end in self._ends), default=-np.inf)
-        attained(best)
-        if smooth:
-            left = [end for end in left if end.value > best - options.near_best]
-        return self._distinct(left, options.finished)
+        ends = [
+            replace(
+                program.placed(ended.q[row], float(ended.value[row])),
+                count=int(ended.met[row]), converged=bool(ended.converged[row]),
+            )
+            for row in order[np.isfinite(ended.error[order])]
+        ]  # fmt: skip
+        if not smooth:
+            return self._distinct(ends, self._options.finished)
+        self._ends += ends
+        attained(max((end.value for end in self._ends), default=-np.inf))
+        return []
 
     def _distinct(self, starts: Sequence[Placed], most: int) -> list[Placed]:
         """The first starts that differ from one another, only a few of each placement."""
@@ -186,9 +197,7 @@ class PlacementSearch:
         """Placements that are searched."""
         options = self._options
         costly = 1 if self._model.objective.smooth else options.costly
-        # Programs climb from fewer starts, and have to be choosier.
-        count = min(options.one << max(0, len(self._freedom) - 1), options.most)
-        return max(8, count * (1 if self._newton else 2) // costly)
+        return max(8, min(options.one << max(0, len(self._freedom) - 1), options.most) // costly)
 
     @property
     def _cost(self) -> int:
@@ -223,6 +232,20 @@ class PlacementSearch:
             heed()
             yield from sampler.closed(x, rng)
 
+    def _starts_around(self, starts: Sequence[Placed], near: float, turn: int) -> list[Placed]:
+        """Starts of placements around the best so far, within this share of the ranges.
+
+        Where arms come near singular postures the best has peaks that are narrow.
+        """
+        options, found = self._options, list[Placed]()
+        best = self._differences.of_places(starts, options.one_place, options.refined)
+        for k, start in enumerate(best):
+            heed()
+            drawn = self._sampler.around(start.x, options.between, near, k + turn * len(best))
+            for xs in drawn:
+                found += self._starter.glanced(xs, self._settings(xs))
+        return found
+
     def _starts_near(self, ends: Sequence[Placed]) -> list[Placed]:
         """Starts where the best climbs ended, and the best of some around the first of them."""
         options, starts, around = self._options, list[Placed](), list[Placed]()
@@ -234,7 +257,7 @@ class PlacementSearch:
             else:
                 starts += self._starter.glanced(end.x, settings)
             self._revisited.append(end.x)
-        for xs in self._sampler.around(ends[0].x, options.around, options.near):
+        for xs in self._sampler.around(ends[0].x, options.around, options.near, 0):
             around += self._starter.glanced(xs, self._settings(xs))[:1]
         around.sort(key=lambda start: -start.value)
         return starts + around[: options.best_around]

@@ -28,18 +28,22 @@ class CombinationOptions:
 class PlacementOptions:
     """Options of a search that moves the object, bases or grasps too."""
 
-    one: int = 16  # placements with one free coordinate, twice as many with each more
-    most: int = 64  # placements at most
+    one: int = 32  # placements with one free coordinate, twice as many with each more
+    most: int = 128  # placements at most
     climbed: int = 96  # postures that are climbed from with everything free, each by a program
     raced: int = 400  # the same where Newton steps climb from all at once
     # Steps after which no more climbs go on than so many; and alike where ends are searched anew.
     race: tuple[tuple[int, int], ...] = ((6, 160), (10, 80), (14, 40), (18, 20))
-    last_race: tuple[tuple[int, int], ...] = ((3, 48), (6, 24), (10, 12), (14, 8))
-    finished: int = 8  # ends of Newton steps that programs go on from, at most
+    last_race: tuple[tuple[int, int], ...] = ((3, 64), (6, 32), (10, 16), (14, 8))
+    finished: int = 8  # ends of Newton steps that programs go on from where a score stands in
+    certified: int = 2  # best optima of which those that Newton steps stalled at are solved
     costly: int = 2  # times fewer of both where a climb takes many programs
     glanced: int = 3  # climbs at each placement where each takes a program
     insistence: int = 3  # times as many placements are drawn where hardly half let the arms close
     few: float = 0.25  # share of placements with closed arms below which others are looked for
+    refined: int = 24  # best placements around which others are tried before anything climbs
+    between: int = 2  # placements around each
+    nearer: tuple[float, ...] = (0.08, 0.03)  # of the ranges, within which they are drawn in turn
     rounds: int = 4  # of searching anew where climbs ended
     ends: int = 8  # best ends of different placements at which a round searches
     searched: int = 4  # of them, at which postures are sampled anew
@@ -47,7 +51,7 @@ class PlacementOptions:
     around: int = 8  # placements drawn around the best end
     near: float = 0.1  # of the ranges within which they are drawn
     other: float = 0.1  # rad or m, by which a posture differs for which an end exchanges its own
-    exchanged: int = 4  # postures of one arm at most for which an end exchanges its own
+    exchanged: int = 8  # postures of one arm at most for which an end exchanges its own
     best_around: int = 2  # of them that are climbed from
     looked_through: int = 256  # combinations of a placement in which differing ones are looked for
     near_best: float = 1e-2  # of the best, within which such an end matters
@@ -114,7 +118,7 @@ class Effort:
 EFFORTS: dict[EffortName, Effort] = {
     "low": Effort(
         name="low", batch=64, batches=4, loops=120, surfaces=150, starts=32, polished=8, rounds=0,
-        blind=0, placing=PlacementOptions(one=8, most=32, climbed=24),
+        blind=0, placing=PlacementOptions(one=16, most=64, climbed=24, refined=8),
     ),
     "normal": Effort(
         name="normal", batch=96, batches=8, loops=240, surfaces=300, starts=96, polished=24,
@@ -122,6 +126,6 @@ EFFORTS: dict[EffortName, Effort] = {
     ),
     "high": Effort(
         name="high", batch=256, batches=16, loops=480, surfaces=1200, starts=384, polished=160,
-        rounds=6, blind=800, placing=PlacementOptions(one=64, most=512, climbed=512),
+        rounds=6, blind=800, placing=PlacementOptions(one=128, most=1024, climbed=512, refined=48),
     ),
 }  # fmt: skip
