@@ -102,8 +102,11 @@ class Combinations:
         options = self._options
         part = min(1.0, options.plain_spare / max(self._spare, 1))
         most = max(options.fewest_starts, int(self.effort.polished * part))
-        if self._model.objective.costly and self._spare > len(self.arms.postures):
-            return most * options.sampled_starts
+        if self._spare > len(self.arms.postures):
+            # Samples of surfaces tell less of what is near them than those of curves.
+            if self._model.objective.costly:
+                return most * options.sampled_starts
+            most *= options.surface_starts
         return most if self._model.objective.summable else most * options.kinked_starts
 
     def _combine(self) -> None:

@@ -19,6 +19,7 @@ class CombinationOptions:
     plain_spare: int = 8  # degrees of freedom to spare, of all arms, up to which no start is saved
     fewest_starts: int = 4  # climbed from, however many degrees of freedom are to spare
     kinked_starts: int = 2  # times as many starts beside kinks, where gains differ more
+    surface_starts: int = 2  # times as many where arms have more than one degree to spare each
     sampled_starts: int = 4  # times as many where an objective climbs by itself from samples
     judged_ends: int = 16  # best ends of which linear programs can judge all pairs
     random: int = 64  # combinations drawn where bodies and the end of the call leave no other
