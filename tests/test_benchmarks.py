@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import limits
 import numpy as np
 import paths
 import pinocchio as pin
+import proofs
 import pytest
 import run
 import summary
@@ -24,6 +26,9 @@ from truth import Truth, truth_of
 
 import copose
 import path_problems
+from copose.objectives.ellipsoid import Volume
+from copose.proof.arm_terms import NormalGram
+from copose.self_motion.slices.sliced_arm import SlicedArm
 from reference import PROBLEMS
 
 BENCHMARKS = PROBLEMS.parent / "benchmarks"
@@ -219,6 +224,43 @@ def test_following_and_planning_are_compared(monkeypatch: pytest.MonkeyPatch) ->
     assert -1 < paths.slope(timings) < 3
     text = paths.page({"1": timings}, rows, "mean", 1.0)
     assert "2 of 2 above both" in text and "nan" not in text
+
+
+@pytest.mark.parametrize("robot", ["ur5", "xarm7"])
+def test_postures_that_slices_miss_are_listed(robot: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = proofs.completeness(robot, 2, 300, 0)
+    assert seen.poses == 2 and seen.postures > 200 and not seen.misses
+    whole = SlicedArm.at
+
+    def short(self: SlicedArm, goal: np.ndarray) -> object:
+        slices = whole(self, goal)
+        return replace(slices, postures=slices.postures[:1])
+
+    monkeypatch.setattr(SlicedArm, "at", short)
+    misses = proofs.completeness(robot, 1, 300, 0).misses
+    assert misses and all(("piece of 0 rad" in miss) == (robot == "ur5") for miss in misses)
+
+
+def test_bounds_that_do_not_hold_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(proofs, "TIMES", 2)
+    monkeypatch.setattr(proofs, "PIECES", 40)
+
+    def seen() -> proofs.Soundness:
+        return proofs.soundness("volume", "paper-fig2", 300, 0)
+
+    sound = seen()
+    assert sound.bounds == 300 and sound.margin > 0 and sound.terms >= 600
+    assert sound.violated == sound.terms_violated == 0
+    bounds, vertices = Volume.upper_bounds, NormalGram.vertices
+    monkeypatch.setattr(Volume, "upper_bounds", lambda *given: bounds(*given) - 0.05)
+    assert seen().violated > 0 and seen().terms_violated == 0
+
+    def higher(*given: object, upper: bool) -> tuple[np.ndarray, np.ndarray]:
+        entries, off = vertices(*given, upper=upper)
+        return 1.05 * entries, off
+
+    monkeypatch.setattr(NormalGram, "vertices", higher)
+    assert seen().terms_violated > 0
 
 
 def test_wrong_names_are_answered_with_the_legal_ones() -> None:
