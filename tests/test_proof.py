@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+import re
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import copose
 from cells import planar, random_cell, tables
+from copose import progress
 from copose.cell.cell import Cell
+from copose.commands.command_line import main
 from copose.posture.model import PostureModel
 from copose.posture.search import global_search
 from copose.posture.setting import Setting
 from copose.problem import parse
-from copose.progress import watched
+from copose.progress import Watch
 from copose.proof.arm_terms import ArmTerms
 from copose.proof.intervals import Interval, inverse
 from copose.proof.proof import Proof, unprovable
@@ -376,20 +383,59 @@ def test_an_epsilon_below_rounding_is_refused() -> None:
         copose.solve(parse(planar()), prove=1e-12)
 
 
-def test_a_proof_that_has_to_end_states_the_gap_that_it_reached() -> None:
-    def tell(now: copose.Progress) -> None:
-        if "gap" in now.stage:
-            gaps.append(float(now.stage.split("gap ")[1]))
-            if len(gaps) == 3:
-                watch.interrupt()
+@pytest.fixture
+def limited(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
+    """A limit that passes as soon as a stage begins, for the nth time; the stages that began."""
 
-    gaps: list[float] = []
-    with watched(tell) as watch:
-        solution = copose.solve(problem("paper-fig2"), prove=1e-8)
-    proof = solution.search.proof
-    assert solution.status == "solved" and len(gaps) == 3
-    assert proof.gap == pytest.approx(gaps[-1], rel=0.1) and proof.gap > 1e-8
-    assert "(1e-8 was asked for: interrupted while proving" in proof.statement
+    def passes(words: str, nth: int = 1) -> list[str]:
+        stages.clear()
+        monkeypatch.setattr(Watch, "stage", begins)
+        last[:] = words, nth
+        return stages
+
+    def begins(self: Watch, name: str, *counts: float | None) -> None:
+        begin(self, name, *counts)
+        stages.append(name)
+        words, nth = last
+        late.extend([1e6] * (sum(words in each for each in stages) == nth))
+
+    late, stages, last, begin = list[float](), list[str](), [], Watch.stage
+    clock = SimpleNamespace(perf_counter=lambda: time.perf_counter() + sum(late))
+    monkeypatch.setattr(progress, "time", clock)
+    return passes
+
+
+@pytest.mark.parametrize("words", ["polishing", "slicing", "enclosing", "combinations of runs"])
+def test_a_limit_that_ends_before_any_bound_says_why_nothing_is_proved(
+    words: str, limited: Callable[..., list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Table and exit code of the command are as without a proof."""
+    monkeypatch.chdir(tmp_path)
+    command = ["solve", str(PROBLEMS / "paper-fig2.toml"), "--quiet"]
+    assert main([*command, "-o", "r"]) == 0
+    limited(words)
+    assert main([*command, "-o", "p", "--prove", "1e-8", "--time-limit", "100"]) == 0
+    without, with_proof = (json.loads(Path(f"{k}/result.json").read_text()) for k in "rp")
+    assert words == "polishing" or with_proof["after"] == without["after"]
+    assert without["search"]["proof"] is None
+    proof = with_proof["search"]["proof"]
+    assert proof["bound"] is None and proof["gap"] is None and proof["epsilon"] == 1e-8
+    assert re.fullmatch(
+        f"nothing is proved: stopped by the limit of 100 s while .*{words}.*", proof["statement"]
+    )
+
+
+@pytest.mark.parametrize("nth", [1, 3])
+def test_a_proof_that_a_limit_ends_states_the_gap_that_it_reached(
+    nth: int, limited: Callable[..., list[str]]
+) -> None:
+    stages = limited("gap", nth)
+    solution = copose.solve(problem("paper-fig2"), prove=1e-8, time_limit=100.0)
+    proof, gap = solution.search.proof, float(stages[-1].split("gap ")[1])
+    assert solution.status == "solved" and "gap" in stages[-1]
+    assert proof.gap == pytest.approx(gap, rel=0.1) and proof.gap > 1e-8
+    assert proof.bound == proof.gap + solution.objective.after
+    assert "(1e-8 was asked for: stopped by the limit of 100 s while proving" in proof.statement
 
 
 def test_constraints_are_left_out_of_a_proof_and_it_says_so() -> None:

@@ -56,9 +56,9 @@ class Certificate:
                 return None
             proof.value, posture = float(values[k]), np.hstack(q)[k]
             if not constrained:
+                found.append(LocalOptimum(posture, proof.value, 1))
                 with hushed():
                     found.extend(climbed(model, setting, SearchOutcome(), posture[None]).optima)
-                found.append(LocalOptimum(posture, proof.value, 1))
                 proof.value = max(optimum.objective for optimum in found)
                 attained(proof.value)
             return proof.value

@@ -18,7 +18,7 @@ from copose.poses import Array
 from copose.posture.model import PostureModel
 from copose.posture.reachable.reachability import Reached, reachable
 from copose.posture.run.acceptance import Acceptance
-from copose.posture.run.certificate import Certificate
+from copose.posture.run.certificate import Certificate, unproved
 from copose.posture.run.evidence import (
     blocked_reason,
     search_record,
@@ -105,10 +105,12 @@ class Run:
             return self._searched(effort, verify, epsilon, so_far)
         except StoppedError as stop:
             with sheltered():
-                return self._cut_short(effort, so_far, stop)
+                return self._cut_short(effort, epsilon, so_far, stop)
 
-    def _cut_short(self, effort: Effort, so_far: _SoFar, stop: StoppedError) -> Solution:
-        """The best so far of a call that has to end.
+    def _cut_short(
+        self, effort: Effort, epsilon: float | None, so_far: _SoFar, stop: StoppedError
+    ) -> Solution:
+        """The best so far of a call that has to end before a proof begins.
 
         Raises:
             StoppedError: there is nothing yet.
@@ -124,9 +126,12 @@ class Run:
             after = before
         if after is None:
             raise stop
+        proof = None if epsilon is None else unproved(epsilon, str(stop))
         return self.solution(
             status="solved",
-            search=search_record(self.cell, outcome, self.seed, effort.name, after.value),
+            search=search_record(
+                self.cell, outcome, self.seed, effort.name, after.value, proof=proof
+            ),
             notes=(*notes, best_so_far(stop)),
             before=MeasuredCases.single(before),
             after=MeasuredCases.single(after),
@@ -157,9 +162,9 @@ class Run:
         outcome, proof = so_far.outcome, None
         if epsilon is not None and after is not None and after.value is not None:
             proof = Certificate.of(self.model, self.setting, outcome, after.value, epsilon)
-            if proof.outcome is not None:
-                outcome, after = proof.outcome, self._best(proof.outcome, before, within)
         with sheltered() if proof is not None else nullcontext():
+            if proof is not None and proof.outcome is not None:
+                outcome, after = proof.outcome, self._best(proof.outcome, before, within)
             reached = self._reached(outcome, before, after, within)
         if reached.why and any(arm.start is not None for arm in self.cell.arms):
             notes += (
