@@ -405,7 +405,7 @@ def limited(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
     return passes
 
 
-@pytest.mark.parametrize("words", ["polishing", "slicing", "enclosing", "combinations of runs"])
+@pytest.mark.parametrize("words", ["polishing", "slicing", "enclosing"])
 def test_a_limit_that_ends_before_any_bound_says_why_nothing_is_proved(
     words: str, limited: Callable[..., list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

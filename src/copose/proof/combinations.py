@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import count, product
 
 import numpy as np
 
@@ -19,11 +19,9 @@ class CombinationSearchOptions:
     """Numbers of the search over combinations."""
 
     at_once: int = 16384  # combinations that are bounded together
-    roots: int = 64  # runs of segments of an arm with which it begins, at most
     most: int = 20_000_000  # combinations that are kept, at most
-    halvings: int = 60
-    stuck: int = 4  # halvings in which the gap has to shrink by a fifth
-    split: float = 0.3  # part of the loosest bound of a combination at which an arm is halved too
+    roots: int = 64  # runs of segments of an arm with which it begins, at most
+    stuck: int = 4  # halvings of every arm's segments in which the gap has to shrink by a fifth
     tried: int = 256  # combinations whose middles are evaluated, of those with the highest bounds
     # By which every bound is raised: what rounding its last steps, log det of sums, may lose.
     rounding: float = 1e-10
@@ -48,65 +46,61 @@ class CombinationSearch:
     ) -> None:
         """A search over segments, with bounds of cells by their corners, see `upper_bounds`."""
         self._arms, self._bounds, self._options = arms, bounds, options
+        self._runs = [_runs(arm, options.roots) for arm in arms]
         self.best, self._epsilon = best, epsilon
         self.highest, self._ruled_out, self.combinations = np.inf, -np.inf, 0
 
     def run(self, better: Callable[[Sequence[Array]], float | None]) -> bool:
         """Rule out every combination; False where too many are left, or rounding is in the way.
 
+        Runs of segments are halved first, those of the arm with the longest, then segments.
+
         Args:
             better: polishes the best of postures, by arm (count, n_i), and returns its value if it
                 is better than the best.
         """
-        options, gaps = self._options, list[float]()
-        chosen = self._descended()
-        for _ in range(options.halvings):
+        options, arms, gaps = self._options, self._arms, list[float]()
+        numbers = np.meshgrid(*(np.arange(b.shape[3]) for b in self._cells), indexing="ij")
+        chosen = np.stack([each.ravel() for each in numbers], axis=1)
+        for turn in count():
             if len(chosen) > options.most:
-                return False
-            chosen, values = self._kept([arm.bounds for arm in self._arms], chosen)
+                break
+            chosen, values = self._kept(chosen)
             self.highest = max(self._ruled_out, float(values.max(initial=-np.inf)))
-            gaps.append(self.highest - self.best)
-            stage(f"proving, {len(values):,} combinations left, gap {gaps[-1]:.1e}")
+            gap = self.highest - self.best
+            stage(f"proving, {len(values):,} combinations left, gap {gap:.1e}")
             if not len(chosen):
                 return True
-            if len(gaps) > options.stuck and gaps[-1] > 0.8 * gaps[-1 - options.stuck]:
-                return False
+            depths = [len(runs) for runs in self._runs]
+            if any(depths):
+                chosen = self._halved(chosen, int(np.argmax(depths)))
+                continue
+            before = gaps[: -options.stuck * len(arms)][-1:]
+            if before and gap > 0.8 * before[0]:
+                break
+            gaps.append(gap)
             most = chosen[np.argsort(-values, kind="stable")[: options.tried]]
             value = better([arm.middles(arm.ends[rows])[0]
-                            for arm, rows in zip(self._arms, most.T, strict=True)])  # fmt: skip
+                            for arm, rows in zip(arms, most.T, strict=True)])  # fmt: skip
             self.best = self.best if value is None else max(self.best, value)
-            chosen = self._halved(chosen)
+            chosen = self._halved(chosen, turn % len(arms))
         return False
 
-    def _descended(self) -> Indices:
-        """Combinations of segments that those of whole runs of them do not rule out."""
-        trees = [_runs(arm, self._options.roots) for arm in self._arms]
-        depths = [len(tree) - 1 for tree in trees]
-        grids = np.meshgrid(*(np.arange(tree[-1].shape[3]) for tree in trees), indexing="ij")
-        chosen = np.stack([grid.ravel() for grid in grids], axis=1)
-        while any(depths):
-            stage(f"proving, {len(chosen):,} combinations of runs of segments")
-            levels = [tree[depth] for tree, depth in zip(trees, depths, strict=True)]
-            chosen, _ = self._kept(levels, chosen)
-            k = int(np.argmax(depths))
-            depths[k] -= 1
-            chosen = np.repeat(chosen, 2, axis=0)
-            chosen[:, k] = 2 * chosen[:, k] + np.arange(len(chosen)) % 2
-            chosen = chosen[chosen[:, k] < trees[k][depths[k]].shape[3]]
-            if len(chosen) > self._options.most:
-                break
-        return chosen
+    @property
+    def _cells(self) -> list[Array]:
+        """Bounds of each arm's runs of segments, or segments, (sides, 1 or 2, s, count)."""
+        both = zip(self._runs, self._arms, strict=True)
+        return [runs[-1] if runs else arm.bounds for runs, arm in both]
 
-    def _kept(self, bounds: Sequence[Array], chosen: Indices) -> tuple[Indices, Array]:
+    def _kept(self, chosen: Indices) -> tuple[Indices, Array]:
         """Combinations that their bounds do not rule out, and the bounds, ∞ where there is none."""
         values, size = np.empty(len(chosen)), self._options.at_once
         for first in range(0, len(chosen), size):
             heed()
             rows = chosen[first : first + size].T
-            ends = [b[..., k] for b, k in zip(bounds, rows, strict=True)]
-            codes = product(*(range(end.shape[1]) for end in ends))
-            corners = [sum(end[:, v] for end, v in zip(ends, code, strict=True)) for code in codes]
-            values[first : first + size] = self._bounds(np.stack(corners))
+            ends = [b[..., k].swapaxes(0, 1) for b, k in zip(self._cells, rows, strict=True)]
+            corners = np.stack([sum(corner) for corner in product(*ends)])
+            values[first : first + size] = self._bounds(corners)
         self.combinations += len(chosen)
         values = np.where(np.isnan(values), np.inf, values)
         values += self._options.rounding * np.maximum(1.0, np.abs(values))
@@ -114,37 +108,33 @@ class CombinationSearch:
         self._ruled_out = max(self._ruled_out, float(values[~keep].max(initial=-np.inf)))
         return chosen[keep], values[keep]
 
-    def _halved(self, chosen: Indices) -> Indices:
-        """Combinations with the segments halved whose bounds are loosest."""
-        loose = np.stack(
-            [arm.loose[k] for arm, k in zip(self._arms, chosen.T, strict=True)], axis=1
-        )
-        split = loose >= self._options.split * loose.max(axis=1, keepdims=True)
-        for k, arm in enumerate(self._arms):
-            own, which = np.unique(chosen[split[:, k], k], return_inverse=True)
-            flat, parts = arm.halved(own)
-            counts, first = np.ones((2, len(chosen)), dtype=np.intp)
-            counts[split[:, k]] = parts[which]
-            first[split[:, k]] = (np.cumsum(parts) - parts)[which]
-            rows = np.repeat(np.arange(len(chosen)), counts)
-            number = first[rows] + np.arange(len(rows)) - (np.cumsum(counts) - counts)[rows]
-            chosen, split = chosen[rows], split[rows]
-            chosen[split[:, k], k] = flat[number[split[:, k]]]
+    def _halved(self, chosen: Indices, k: int) -> Indices:
+        """The combinations with the runs, or segments, of arm k halved."""
+        own, which = np.unique(chosen[:, k], return_inverse=True)
+        if self._runs[k]:
+            self._runs[k].pop()
+            halves = 2 * own[:, None] + [0, 1]
+            there = halves < self._cells[k].shape[3]
+            flat, parts = halves[there], there.sum(axis=1)
+        else:
+            flat, parts = self._arms[k].halved(own)
+        rows = np.repeat(np.arange(len(chosen)), parts[which])
+        place = np.arange(len(rows)) - np.searchsorted(rows, rows)
+        chosen = chosen[rows]
+        chosen[:, k] = flat[(np.cumsum(parts) - parts)[which[rows]] + place]
         return chosen
 
 
-def _runs(arm: MotionSegments, roots: int) -> list[Array]:
-    """Bounds of runs of 1, 2, 4, … segments in order, until there are few: multiples of the mean
-    that are below all of a run's, or above, (sides, 1, s, count).
+def _runs(arm: MotionSegments, most: int) -> list[Array]:
+    """Bounds of runs of 2, 4, … segments in order, until there are few: multiples of the mean that
+    are below all of a run's, or above, (sides, 1, s, count).
     """
     levels, bounds = list[Array](), arm.bounds
-    while not levels or levels[-1].shape[3] > roots:
-        levels.append(
-            np.stack([_multiple(x, up) for x, (_, up) in zip(bounds, arm.sides, strict=True)])
-        )
-        last = levels[-1]
-        last = np.concatenate([last, last[..., -1:]], axis=3)[..., : -(-last.shape[3] // 2) * 2]
-        bounds = np.concatenate([last[..., ::2], last[..., 1::2]], axis=1)
+    while (size := bounds.shape[3]) > most:
+        second = bounds[..., np.minimum(np.arange(1, size + 1, 2), size - 1)]
+        both = np.concatenate([bounds[..., ::2], second], axis=1)
+        bounds = np.stack([_multiple(x, up) for x, (_, up) in zip(both, arm.sides, strict=True)])
+        levels.append(bounds)
     return levels
 
 

@@ -56,7 +56,6 @@ class MotionSegments:
         self.sides, self._options, self.lost = sides, options, 0
         self.ends, self.loose = np.zeros((0, 2, manifold.kernels.n)), np.zeros(0)
         self.bounds = np.zeros((len(sides), 2, len(self._entries), 0))
-        self._halves: dict[int, list[int]] = {}
 
     def add(self, ends: Array, loosest: float | None = None) -> list[list[int]]:
         """Enclose pieces, halved until they are proved; the numbers of the segments of each.
@@ -88,15 +87,13 @@ class MotionSegments:
 
     def halved(self, rows: Indices) -> tuple[Indices, Indices]:
         """The numbers of the segments that halves of segments are, and how many each has."""
-        points = (self.ends[rows, 0] == self.ends[rows, 1]).all(axis=1)
-        self._halves |= {k: [k] for k in rows[points].tolist()}
-        new = np.array([k for k in rows.tolist() if k not in self._halves], dtype=np.intp)
-        if len(new):
-            middles, ends = self.middles(self.ends[new])[0], self.ends[new]
-            halves = np.stack([ends[:, 0], middles, middles, ends[:, 1]], axis=1)
-            parts = self.add(halves.reshape(2 * len(new), 2, -1), np.inf)
-            self._halves |= {k: parts[2 * j] + parts[2 * j + 1] for j, k in enumerate(new.tolist())}
-        lists = [self._halves[k] for k in rows.tolist()]
+        ends = self.ends[rows]
+        halves = np.stack([ends[:, 0], *[self.middles(ends)[0]] * 2, ends[:, 1]], axis=1)
+        # A posture has no halves.
+        once = (ends[:, 0] == ends[:, 1]).all(axis=1)
+        kept = np.stack([np.ones_like(once), ~once], axis=1)
+        parts = iter(self.add(halves.reshape(len(rows), 2, 2, -1)[kept], np.inf))
+        lists = [[k for _ in range(count) for k in next(parts)] for count in kept.sum(axis=1)]
         flat = np.array([k for each in lists for k in each], dtype=np.intp)
         return flat, np.array([len(each) for each in lists], dtype=np.intp)
 
