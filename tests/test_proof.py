@@ -173,10 +173,10 @@ def violations(case: str, count: int, seed: int) -> tuple[int, float]:
     failed, least = 0, np.inf
     for side, (term, upper) in enumerate(segments.sides):
         s = m * (m + 1) // 2
-        G, V = (np.zeros((count, m, m)) for _ in range(2))
+        G = np.zeros((count, m, m))
         G[:, i, j] = G[:, j, i] = truth[:, s * term : s * term + s]
-        low, high = segments.bounds[side][:, :, rows]
-        V[:, i, j] = V[:, j, i] = ((1 - part) * low + part * high).T
+        low, high = segments.bounds[side][..., rows]
+        V = np.moveaxis((1 - part) * low + part * high, -1, 0)
         L = np.linalg.inv(np.linalg.cholesky(G))
         values = np.linalg.eigvalsh(L @ V @ L.swapaxes(1, 2))
         margin = (values[:, 0] - 1 if upper else 1 - values[:, -1])[inside]
@@ -219,16 +219,15 @@ def test_bounds_of_objectives_hold_on_whole_cells(objective: dict, width: float)
     """Sums between random vertices: whatever they are, and what lies above or below them."""
     _, setting = model_of(problem("two-panda-box", objective=objective))
     measure, a = setting.objective, len(setting.cell.problem.axes)
-    i, j = np.triu_indices(a)
     sides = measure.bound_sides(sliced=a < 6)
     for _ in range(30):
         roots = RNG.normal(size=(2, 6, 6))
         low = [root @ root.T + 0.1 * np.eye(6) for root in roots]
         ends = [(V, V + width * (W @ W.T)) for V in low for W in [RNG.normal(size=(6, 6))]]
         above = 0.05 * np.eye(6)
-        corners = np.array([[(x + y + (2 * above if upper else 0))[:a, :a][i, j][:, None]
+        corners = np.array([[(x + y + (2 * above if upper else 0))[:a, :a, None]
                              for _, upper in sides] for x in ends[0] for y in ends[1]])  # fmt: skip
-        bound = measure.upper_bounds(corners, np.zeros(len(i)))[0]
+        bound = measure.upper_bounds(corners, np.zeros((a, a)))[0]
         for _ in range(30):
             u, v, w = RNG.uniform(size=3)
             G = sum((1 - t) * x + t * y for t, (x, y) in zip((u, v), ends, strict=True))
@@ -238,12 +237,13 @@ def test_bounds_of_objectives_hold_on_whole_cells(objective: dict, width: float)
 
 def test_torque_optimal_volume_is_bounded_on_cells() -> None:
     _, setting = model_of(problem("xarm-bar"))
-    M_o = setting.placement.inertia
     i, j = np.triu_indices(6)
+    M_o = np.zeros((6, 6))
+    M_o[i, j] = M_o[j, i] = setting.placement.inertia
     for _ in range(30):
         S, R = ([x @ x.T + np.eye(6) for x in RNG.normal(size=(2, 6, 6))] for _ in range(2))
         bent = [[V, V + 0.2 * W @ W.T] for V, W in zip(S, RNG.normal(size=(2, 6, 6)), strict=True)]
-        corners = np.array([[(x + y)[i, j][:, None], (R[0] + R[1] * f)[i, j][:, None]]
+        corners = np.array([[(x + y)[..., None], (R[0] + R[1] * f)[..., None]]
                             for f, x in zip((1, 1.3), bent[0], strict=True)
                             for y in bent[1]])  # fmt: skip
         bound = setting.objective.upper_bounds(corners, M_o)[0]

@@ -7,7 +7,7 @@ its own joints alone. So an arm's part is evaluated once for each of its posture
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
 import casadi as ca
@@ -93,53 +93,23 @@ def column(scale: Array | ca.SX) -> ca.DM | ca.SX:
     return scale if isinstance(scale, ca.SX) else ca.DM(scale)
 
 
-# The same entries of many matrices as numbers, (s, count).
-
-
-def _places(entries: Array) -> Iterator[tuple[int, int]]:
-    a = dimension(entries)
-    return ((i, j) for i in range(a) for j in range(i, a))
-
-
-def dimension(entries: Array) -> int:
-    """The dimension of matrices by the number of entries of their upper triangles."""
-    return int(np.sqrt(2 * len(entries)))
-
-
-def log_dets(entries: Array) -> Array:
-    """Log det of matrices, NaN where they are not positive definite, (count,)."""
-    a, at = dimension(entries), dict(zip(_places(entries), entries.copy(), strict=True))
-    total = np.zeros(entries.shape[1])
-    for k in range(a):
-        pivot = np.where(at[k, k] > 0, at[k, k], np.nan)
+def log_dets(matrices: Array) -> Array:
+    """Log det of matrices, (a, a, count), NaN where they are not positive definite, (count,)."""
+    # By the pivots of elimination: LAPACK refuses all where one is not positive definite.
+    total, left = np.zeros(matrices.shape[2]), matrices
+    while len(left):
+        pivot = np.where(left[0, 0] > 0, left[0, 0], np.nan)
         total += np.log(pivot)
-        for i in range(k + 1, a):
-            scaled = at[k, i] / pivot
-            for j in range(i, a):
-                at[i, j] -= scaled * at[k, j]
+        left = left[1:, 1:] - left[1:, None, 0] * (left[None, 0, 1:] / pivot)
     return total
 
 
 def traces(H: Array, G: Array) -> Array:
-    """Tr(H G) of symmetric matrices, (s, count) and (…, s, count): (…, count)."""
-    twice = np.array([1.0 if i == j else 2.0 for i, j in _places(H)])
-    return np.asarray(np.einsum("s,sn,...sn->...n", twice, H, G))
+    """Tr(H G) of symmetric matrices, (a, a, count) and (…, a, a, count): (…, count)."""
+    return np.asarray(np.einsum("ijn,...ijn->...n", H, G))
 
 
-def squares(vectors: Array) -> Array:
-    """Entries of v vᵀ, of vectors (a, count)."""
-    rows, columns = np.triu_indices(len(vectors))
-    return np.asarray(vectors[rows] * vectors[columns])
-
-
-def matrices(entries: Array) -> Array:
-    """The symmetric matrices, (count, a, a)."""
-    rows, columns = np.triu_indices(dimension(entries))
-    whole = np.empty((entries.shape[1], rows[-1] + 1, rows[-1] + 1))
-    whole[:, rows, columns] = whole[:, columns, rows] = entries.T
-    return whole
-
-
-def extreme_vector(entries: Array, which: int) -> Array:
-    """Entries of v vᵀ, v the eigenvector of the least eigenvalue (0) or the largest (−1)."""
-    return squares(np.linalg.eigh(matrices(entries))[1][:, :, which].T)
+def extreme_vector(matrices: Array, which: int) -> Array:
+    """Squares v vᵀ, v the eigenvector of the least eigenvalue (0) or the largest (−1)."""
+    v = np.linalg.eigh(np.moveaxis(matrices, -1, 0))[1][:, :, which].T
+    return np.asarray(v[:, None] * v)

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from copose.capability import Ellipsoid, Form, log_ball_volume, log_det
-from copose.capability.sums import dimension, log_dets, matrices, squares, traces
+from copose.capability.sums import log_dets, traces
 from copose.cell.context import PostureContext
 from copose.cell.dynamics import CellDynamics, Holding
 from copose.mechanics import System
@@ -140,13 +140,12 @@ class Volume(EllipsoidMeasure):
 
     def upper_bounds(self, corners: Array, M_o: Array) -> Array:
         """−½ log det G is convex; of −log det S + ½ log det R the second is below its tangent."""
-        ball = log_ball_volume(dimension(corners[0, 0]))
+        ball = log_ball_volume(corners.shape[2])
         if corners.shape[1] == 1:
             return np.asarray(ball - np.min([log_dets(G) for (G,) in corners], axis=0) / 2)
         middle = np.asarray(corners[:, 1].mean(axis=0))
-        rows, columns = np.triu_indices(dimension(middle))
-        inverse = np.asarray(np.linalg.inv(matrices(middle)))[:, rows, columns].T
-        falls = [log_dets(S + M_o[:, None]) - traces(inverse, R - middle) / 2 for S, R in corners]
+        inverse = np.moveaxis(np.linalg.inv(np.moveaxis(middle, -1, 0)), 0, -1)
+        falls = [log_dets(S + M_o[..., None]) - traces(inverse, R - middle) / 2 for S, R in corners]
         return np.asarray(ball + log_dets(middle) / 2 - np.min(falls, axis=0))
 
 
@@ -178,9 +177,9 @@ class TaskCompatibility(EllipsoidMeasure):
 
     def upper_bounds(self, corners: Array, M_o: Array) -> Array:
         """−½ w log(uᵀG u) is convex for w > 0, and else below its tangent in the middle."""
-        bound = np.zeros((len(corners), corners.shape[3]))
+        bound = np.zeros((len(corners), corners.shape[-1]))
         for u, w in zip(self.directions, self.weights, strict=True):
-            forms = traces(squares(u[:, None]), corners[:, int(w < 0)])
+            forms = traces(np.outer(u, u)[..., None], corners[:, int(w < 0)])
             middle = forms.mean(axis=0)
             with np.errstate(divide="ignore", invalid="ignore"):
                 tangent = np.log(middle) + forms / middle - 1

@@ -181,8 +181,8 @@ class Objective(ABC):
 
         Args:
             corners: sums over the arms of matrices that, interpolated, are below theirs in
-                Loewner's order, or above: entries of upper triangles, (corners, sides, s, count).
-            M_o: entries of the object's inertia, (s,).
+                Loewner's order, or above, (corners, sides, a, a, count).
+            M_o: the object's inertia, (a, a).
         """
         raise NotImplementedError(self.kind)
 

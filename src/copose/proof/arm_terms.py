@@ -38,7 +38,7 @@ class NormalGram:
 
     def vertices(self, ends: Array, *, upper: bool) -> tuple[Array, Array]:
         """Matrices at two ends t, (count, 2), that interpolated are below G(t) in Loewner's order,
-        or above it: entries of the upper triangle, (count, 2, s); and by how much, about, relative.
+        or above it, (count, 2, m, m); and by how much, about, relative.
         """
         model, sign, m = self.model, -1.0 if upper else 1.0, self.back.shape[-1]
         bend, far = model.curvature.mid, np.abs(ends).max(axis=1)
@@ -54,9 +54,7 @@ class NormalGram:
         off = off + 32 * m * unit(bound) * sizes.sum(axis=3).max(axis=(1, 2))
         bound = bound - sign * off[:, None, None, None] * np.eye(m)
         whole = self.back.swapaxes(1, 2)[:, None] @ bound @ self.back[:, None]
-        rows, columns = np.triu_indices(m)
-        entries = (whole + whole.swapaxes(2, 3))[:, :, rows, columns] / 2
-        return entries, off - 2 * far**2 * np.minimum(values[:, 0], 0.0)
+        return (whole + whole.swapaxes(2, 3)) / 2, off - 2 * far**2 * np.minimum(values[:, 0], 0.0)
 
 
 @dataclass(frozen=True, eq=False)

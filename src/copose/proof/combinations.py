@@ -8,7 +8,6 @@ from itertools import count, product
 
 import numpy as np
 
-from copose.capability.sums import matrices
 from copose.poses import Array, Indices
 from copose.progress import heed, stage
 from copose.proof.segments import MotionSegments
@@ -60,10 +59,10 @@ class CombinationSearch:
                 is better than the best.
         """
         options, arms, gaps = self._options, self._arms, list[float]()
-        numbers = np.meshgrid(*(np.arange(b.shape[3]) for b in self._cells), indexing="ij")
+        numbers = np.meshgrid(*(np.arange(b.shape[-1]) for b in self._cells), indexing="ij")
         chosen = np.stack([each.ravel() for each in numbers], axis=1)
         for turn in count():
-            if len(chosen) > options.most:
+            if len(chosen) > options.most or any(arm.lost for arm in arms):
                 break
             chosen, values = self._kept(chosen)
             self.highest = max(self._ruled_out, float(values.max(initial=-np.inf)))
@@ -88,7 +87,7 @@ class CombinationSearch:
 
     @property
     def _cells(self) -> list[Array]:
-        """Bounds of each arm's runs of segments, or segments, (sides, 1 or 2, s, count)."""
+        """Bounds of each arm's runs of segments, or segments, (sides, 1 or 2, a, a, count)."""
         both = zip(self._runs, self._arms, strict=True)
         return [runs[-1] if runs else arm.bounds for runs, arm in both]
 
@@ -114,7 +113,7 @@ class CombinationSearch:
         if self._runs[k]:
             self._runs[k].pop()
             halves = 2 * own[:, None] + [0, 1]
-            there = halves < self._cells[k].shape[3]
+            there = halves < self._cells[k].shape[-1]
             flat, parts = halves[there], there.sum(axis=1)
         else:
             flat, parts = self._arms[k].halved(own)
@@ -127,10 +126,10 @@ class CombinationSearch:
 
 def _runs(arm: MotionSegments, most: int) -> list[Array]:
     """Bounds of runs of 2, 4, … segments in order, until there are few: multiples of the mean that
-    are below all of a run's, or above, (sides, 1, s, count).
+    are below all of a run's, or above, (sides, 1, a, a, count).
     """
     levels, bounds = list[Array](), arm.bounds
-    while (size := bounds.shape[3]) > most:
+    while (size := bounds.shape[-1]) > most:
         second = bounds[..., np.minimum(np.arange(1, size + 1, 2), size - 1)]
         both = np.concatenate([bounds[..., ::2], second], axis=1)
         bounds = np.stack([_multiple(x, up) for x, (_, up) in zip(both, arm.sides, strict=True)])
@@ -139,15 +138,17 @@ def _runs(arm: MotionSegments, most: int) -> list[Array]:
 
 
 def _multiple(bounds: Array, upper: bool) -> Array:
-    """Multiples of the means of k matrices that bound all k, (k, s, count) to (1, s, count)."""
+    """Multiples of the means of k matrices that bound all k, (k, a, a, count) to
+    (1, a, a, count).
+    """
     mean = bounds.mean(axis=0)
-    values, vectors = np.linalg.eigh(matrices(mean))
+    values, vectors = np.linalg.eigh(np.moveaxis(mean, -1, 0))
     fine = values[:, 0] > 0
     root = vectors / np.sqrt(np.where(fine[:, None], values, 1.0))[:, None]
-    turned = [np.linalg.eigvalsh(root.swapaxes(1, 2) @ matrices(x) @ root) for x in bounds]
+    turned = np.linalg.eigvalsh(root.swapaxes(1, 2) @ np.moveaxis(bounds, -1, 1) @ root)
     # Rounding: bounds of runs need not be tight.
     if upper:
-        factor = np.where(fine, np.max(turned, axis=0)[:, -1] * (1 + 1e-6), 1e100)
+        factor = np.where(fine, turned[..., -1].max(axis=0) * (1 + 1e-6), 1e100)
     else:
-        factor = np.where(fine, np.maximum(np.min(turned, axis=0)[:, 0] - 1e-6, 0.0), 0.0)
+        factor = np.where(fine, np.maximum(turned[..., 0].min(axis=0) - 1e-6, 0.0), 0.0)
     return np.asarray((mean * factor)[None])

@@ -82,11 +82,11 @@ class Proof:
             self.reason = self._enclosed(cell, i, known[model], inputs, objective)
         if self.reason is not None:
             return
-        rows, columns = np.triu_indices(cell.system.space.m)
-        axes = list(cell.problem.axes)
-        M_o = inputs.inertia[np.isin(rows, axes) & np.isin(columns, axes)]
+        M_o, axes = np.zeros([cell.system.space.m] * 2), list(cell.problem.axes)
+        M_o[np.triu_indices(len(M_o))] = inputs.inertia
+        M_o = np.triu(M_o, 1).T + M_o
         self.search = CombinationSearch(
-            self.segments, lambda corners: objective.upper_bounds(corners, M_o),
+            self.segments, lambda corners: objective.upper_bounds(corners, M_o[np.ix_(axes, axes)]),
             self.value, self.epsilon,
         )  # fmt: skip
         self.done = self.search.run(better)

@@ -33,8 +33,8 @@ class MotionSegments:
     Attributes:
         sides: numbers of the matrices that are bounded, and whether from above.
         ends: postures at both ends, (count, 2, n).
-        bounds: entries of the upper triangles of matrices at both ends, which interpolated bound
-            the terms on the segment, (sides, 2, s, count).
+        bounds: matrices at both ends, which interpolated bound the terms on the segment, of the
+            axes that count, (sides, 2, a, a, count).
         loose: about their distance from the terms, relative, (count,).
         lost: pieces that could not be enclosed.
     """
@@ -49,16 +49,14 @@ class MotionSegments:
         options: SegmentOptions = SegmentOptions(),
     ) -> None:
         """No segments yet of arm i."""
-        rows, columns = np.triu_indices(cell.system.space.m)
-        axes = list(cell.problem.axes)
-        self._entries = np.flatnonzero(np.isin(rows, axes) & np.isin(columns, axes))
+        self._axes = list(cell.problem.axes)
         self._cell, self._i, self._terms, self._manifold = cell, i, terms, manifold
         self.sides, self._options, self.lost = sides, options, 0
         self.ends, self.loose = np.zeros((0, 2, manifold.kernels.n)), np.zeros(0)
-        self.bounds = np.zeros((len(sides), 2, len(self._entries), 0))
+        self.bounds = np.zeros((len(sides), 2, len(self._axes), len(self._axes), 0))
 
-    def add(self, ends: Array, loosest: float | None = None) -> list[list[int]]:
-        """Enclose pieces, halved until they are proved; the numbers of the segments of each.
+    def add(self, ends: Array, loosest: float | None = None) -> Indices:
+        """Enclose pieces, halved until they are proved; the piece that each new segment is of.
 
         What is beyond limits all along is left out.
 
@@ -66,36 +64,31 @@ class MotionSegments:
             ends: postures at both ends, (count, 2, n).
             loosest: distance of bounds from the terms, relative; that of the options.
         """
-        options, source = self._options, np.arange(len(ends))
-        rows: list[list[int]] = [[] for _ in ends]
+        options, source, added = self._options, np.arange(len(ends)), [np.zeros(0, dtype=np.intp)]
         for halving in range(options.halvings + 1):
             most = (loosest or options.loosest) if halving < options.patient else np.inf
-            again = []
+            left, middles = np.zeros(len(ends), dtype=bool), np.zeros_like(ends[:, 0])
             for first in range(0, len(ends), options.at_once):
                 heed()
-                rest = slice(first, first + options.at_once)
-                part, own = ends[rest], source[rest]
-                left, middles = self._enclose(part, own, most, rows)
-                a, b, c = part[left, 0], part[left, 1], middles[left]
-                again.append((np.concatenate([np.stack([a, c], 1), np.stack([c, b], 1)]),
-                              np.tile(own[left], 2)))  # fmt: skip
-            if not again:
-                return rows
-            ends, source = (np.concatenate(x) for x in zip(*again, strict=True))
+                part = slice(first, first + options.at_once)
+                left[part], middles[part], rows = self._enclose(ends[part], most)
+                added.append(source[part][rows])
+            a, b, c, source = ends[left, 0], ends[left, 1], middles[left], np.tile(source[left], 2)
+            ends = np.concatenate([np.stack([a, c], axis=1), np.stack([c, b], axis=1)])
         self.lost += len(ends)
-        return rows
+        return np.concatenate(added)
 
     def halved(self, rows: Indices) -> tuple[Indices, Indices]:
         """The numbers of the segments that halves of segments are, and how many each has."""
-        ends = self.ends[rows]
-        halves = np.stack([ends[:, 0], *[self.middles(ends)[0]] * 2, ends[:, 1]], axis=1)
+        ends, known = self.ends[rows], len(self.ends)
+        middles = self.middles(ends)[0]
         # A posture has no halves.
-        once = (ends[:, 0] == ends[:, 1]).all(axis=1)
-        kept = np.stack([np.ones_like(once), ~once], axis=1)
-        parts = iter(self.add(halves.reshape(len(rows), 2, 2, -1)[kept], np.inf))
-        lists = [[k for _ in range(count) for k in next(parts)] for count in kept.sum(axis=1)]
-        flat = np.array([k for each in lists for k in each], dtype=np.intp)
-        return flat, np.array([len(each) for each in lists], dtype=np.intp)
+        lines = np.flatnonzero((ends[:, 0] != ends[:, 1]).any(axis=1))
+        second = np.stack([middles, ends[:, 1]], axis=1)[lines]
+        added = self.add(np.concatenate([np.stack([ends[:, 0], middles], axis=1), second]), np.inf)
+        parents = np.concatenate([np.arange(len(rows)), lines])[added]
+        numbers = known + np.argsort(parents, kind="stable")
+        return numbers, np.bincount(parents, minlength=len(rows))
 
     def middles(self, ends: Array) -> tuple[Array, Array, Mask]:
         """Closed postures in the middle of pieces, unit tangents there, and which are closed."""
@@ -113,10 +106,10 @@ class MotionSegments:
                          for new, old in ((step.q, middle), (step.tangent, v)))  # fmt: skip
         return middle, v, closed
 
-    def _enclose(
-        self, ends: Array, source: Indices, loosest: float, rows: list[list[int]]
-    ) -> tuple[Mask, Array]:
-        """Add those pieces that are proved; which are left, and the middles of all."""
+    def _enclose(self, ends: Array, loosest: float) -> tuple[Mask, Array, Indices]:
+        """Add those pieces that are proved; which are left, the middles of all, and which were
+        added.
+        """
         middle, v, closed = self.middles(ends)
         offset, more = ends - middle[:, None], self._options.ends
         t = (offset * v[:, None]).sum(axis=2)
@@ -128,22 +121,20 @@ class MotionSegments:
         left = ~(ok & self._beyond(q))
         use = np.flatnonzero(ok & left)
         if not len(use):
-            return left, middle
+            return left, middle, use
         models, proved = self._terms.enclosed(q.taken(use))
         bounds, loose = [], np.zeros(len(use))
         for term, upper in self.sides:
-            entries, off = models[term].vertices(t[use] + [-more, more], upper=upper)
-            bounds.append(entries[..., self._entries])
+            vertices, off = models[term].vertices(t[use] + [-more, more], upper=upper)
+            bounds.append(vertices[:, :, self._axes][..., self._axes])
             loose = np.maximum(loose, off)
         fine = proved & (loose < loosest) & np.isfinite(loose)
-        for number, k in enumerate(source[use[fine]].tolist(), len(self.ends)):
-            rows[k].append(number)
         left[use[fine]] = False
         self.ends = np.concatenate([self.ends, ends[use[fine]]])
         new = np.moveaxis(np.stack(bounds, axis=1)[fine], 0, -1)
-        self.bounds = np.concatenate([self.bounds, new], axis=3)
+        self.bounds = np.concatenate([self.bounds, new], axis=-1)
         self.loose = np.concatenate([self.loose, loose[fine]])
-        return left, middle
+        return left, middle, use[fine]
 
     def _beyond(self, q: Taylor) -> Mask:
         """Segments on which a joint is beyond its limits all along, whichever turn it is in."""
