@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import math
+import re
 import signal
 import socket
 import subprocess
@@ -15,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 pytest.importorskip("viser")
 
@@ -200,6 +204,20 @@ def test_an_optimum_is_gone_to(page: Page) -> None:
     do(page, next(b.label for b in buttons(page) if b.label.startswith("2: ")))
     assert page.state.value == pytest.approx(other.objective, abs=1e-9)
     assert page.state.value == pytest.approx(evaluated(page), abs=1e-9)
+
+
+def test_a_proof_is_shown_with_its_map(page: Page) -> None:
+    do(page, "prove")
+    do(page, "Search")
+    proof = page.state.solution.search.proof
+    assert proof.gap <= 1e-6
+    shown = page.panel._search._proof.content
+    assert proof.statement in shown
+    picture = re.search('src="data:image/png;base64,([^"]+)"', shown)
+    assert Image.open(io.BytesIO(base64.b64decode(picture[1]))).size == (600, 540)
+    do(page, "prove", False)
+    do(page, "Search")
+    assert page.panel._search._proof.content == ""
 
 
 def test_a_slider_takes_an_arm_along_its_self_motion(page: Page) -> None:

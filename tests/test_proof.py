@@ -275,6 +275,32 @@ def test_the_shipped_answer_of_two_pandas_is_proved() -> None:
         "no posture on the 8 × 8 self-motions beats this by more than 1e-6; self-motions: all that "
         "144 slices of 3 joints meet, no count odd"
     )
+    assert_drawn(solution)
+
+
+def assert_drawn(solution: copose.Solution) -> None:
+    """The map of a proof is of the objective, and is part of the picture."""
+    proof, found = solution.search.proof, solution.objective.after
+    values = np.array(proof.map.values, dtype=float)
+    shape = tuple(len(axis.self_motions) for axis in (proof.map.y, proof.map.x))
+    assert values.shape == shape and np.nanmax(values) <= found + 1e-4 * abs(found)
+    answer = proof.map.x.answer, proof.map.y.answer
+    assert values[answer[::-1]] > found - 0.02
+    # What was bounded last is where the answer is.
+    assert np.abs(np.array(proof.map.last) - answer).max(axis=1).min() <= 1
+    for axis, count in zip((proof.map.x, proof.map.y), proof.self_motions.values(), strict=True):
+        assert {*axis.self_motions} <= {*range(1, count + 1)} and axis.length > 0
+    figure = copose.draw(solution)
+    plain = copose.draw(solution.model_copy(update={"search": None}))
+    names = [ax.get_xlabel() for ax in figure.axes]
+    assert (
+        len(figure.axes) == len(plain.axes) + 2 and f"{proof.map.x.arm}: arc length, rad" in names
+    )
+    whole, part = figure.get_size_inches(), plain.get_size_inches()
+    assert whole[1] > part[1]
+    for ax, as_before in zip(figure.axes, plain.axes, strict=False):
+        inches = ax.get_position(original=True).bounds[3] * whole[1]
+        assert inches == pytest.approx(as_before.get_position(original=True).bounds[3] * part[1])
 
 
 @pytest.mark.parametrize(
@@ -353,12 +379,14 @@ def test_an_arm_at_a_limit() -> None:
 def test_planar_cells_are_proved_by_closed_forms(name: str) -> None:
     solution = copose.solve(problem(name), prove=1e-8)
     assert solution.search.proof.gap <= 1e-8
+    assert_drawn(solution)
 
 
 def test_postures_of_six_joint_arms_are_an_exact_table() -> None:
     solution = copose.solve(parse(random_cell(("ur5", "ur5"), "spatial", 4)), prove=1e-8)
     proof = solution.search.proof
     assert proof.gap <= 1e-8 and "elimination gives" in proof.statement
+    assert proof.map is None
     assert "postures beats" in proof.statement and proof.slices == {"arm0": 1, "arm1": 1}
 
 

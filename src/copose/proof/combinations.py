@@ -33,6 +33,7 @@ class CombinationSearch:
         best: value of the best posture known.
         highest: no combination is worth more; ∞ before the first bound of all.
         combinations: how many were bounded.
+        last: of segments, by their numbers, (count, arms), those that were bounded last.
     """
 
     def __init__(
@@ -48,6 +49,7 @@ class CombinationSearch:
         self._runs = [_runs(arm, options.roots) for arm in arms]
         self.best, self._epsilon = best, epsilon
         self.highest, self._ruled_out, self.combinations = np.inf, -np.inf, 0
+        self.last = np.zeros((0, len(arms)), dtype=np.intp)
 
     def run(self, better: Callable[[Sequence[Array]], float | None]) -> bool:
         """Rule out every combination; False where too many are left, or rounding is in the way.
@@ -64,6 +66,8 @@ class CombinationSearch:
         for turn in count():
             if len(chosen) > options.most or any(arm.lost for arm in arms):
                 break
+            if not any(self._runs):
+                self.last = chosen
             chosen, values = self._kept(chosen)
             self.highest = max(self._ruled_out, float(values.max(initial=-np.inf)))
             gap = self.highest - self.best

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from copose.cell.cell import Cell
-from copose.poses import Array, Mask
+from copose.poses import Array, Indices, Mask
 from copose.self_motion.curves.arc_length import Track
 from copose.self_motion.curves.curve import Curve
 from copose.self_motion.curves.loops import Loops
@@ -33,6 +33,7 @@ class SelfMotions:
 
     count: int  # within limits or not
     pieces: Array  # those within limits, or near them, by postures at both ends, (count, 2, n)
+    numbers: Indices  # of their self-motions, from 1 on, (count,)
     ended: int  # self-motions that end, at postures without one tangent, which loops do not
     manifold: ClosureManifold  # of the arm, without limits
 
@@ -44,17 +45,18 @@ class SelfMotions:
         """The self-motions of arm i through the postures of slices."""
         n, q, free = kernels.n, slices.postures, np.full((1, kernels.n), np.inf)
         manifold = ClosureManifold(kernels, goal[None], -free, free, np.ones((1, n), dtype=bool))
-        curves: list[Curve] = []
         if n == kernels.m:
-            parts = [np.stack([q, q], axis=1)]
+            curves, parts = [], [np.stack([q, q], axis=1)]
         else:
             curves = _curves(cell, manifold, i, q, options.same)
             tracks = [Track.of(curve, cell.system.space.rigid) for curve in curves]
             parts = [np.zeros((0, 2, n)), *(_pieces(track, options.step) for track in tracks)]
         pieces = np.concatenate(parts)
         near = cell.beyond(i, pieces.mean(axis=1)) <= options.beyond
+        numbers = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
         ended = sum(not curve.loop for curve in curves)
-        return cls(len(curves) if n > kernels.m else len(q), pieces[near], ended, manifold)
+        return cls(len(curves) if n > kernels.m else len(q), pieces[near], numbers[near], ended,
+                   manifold)  # fmt: skip
 
 
 def _curves(cell: Cell, manifold: ClosureManifold, i: int, q: Array, same: float) -> list[Curve]:

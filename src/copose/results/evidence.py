@@ -105,6 +105,40 @@ class BasinRecord(Record):
         )
 
 
+class ProofMapAxis(Record):
+    """Postures evenly along what joint limits leave of an arm's self-motions, side by side.
+
+    Attributes:
+        arm: its name.
+        self_motions: number of the self-motion of each posture, from 1 on.
+        cuts: indices of postures before which a joint is beyond its limits.
+        length: arc length of all together, rad.
+        answer: index of the posture nearest to the answer.
+    """
+
+    arm: str
+    self_motions: tuple[int, ...]
+    cuts: tuple[int, ...]
+    length: Finite
+    answer: int
+
+
+class ProofMap(Record):
+    """The objective over the self-motions of two arms, and where its bound was the hardest.
+
+    Attributes:
+        x: postures of one arm.
+        y: of the other.
+        values: the objective, to four digits, a row for each of y; null where there is none.
+        last: pairs of indices into x and y: combinations that were ruled out last, or were left.
+    """
+
+    x: ProofMapAxis
+    y: ProofMapAxis
+    values: tuple[tuple[Finite | None, ...], ...]
+    last: tuple[tuple[int, int], ...]
+
+
 class ProofRecord(Record):
     """A proof that no posture beats the answer by more than some ε, as far as it went.
 
@@ -120,6 +154,7 @@ class ProofRecord(Record):
         segments: of the self-motions that were bounded, by arm.
         combinations: of segments, and of runs of them, that were bounded.
         seconds: that it took.
+        map: of the objective; null but of two arms with one degree of freedom to spare each.
     """
 
     epsilon: Finite
@@ -133,6 +168,7 @@ class ProofRecord(Record):
     segments: dict[str, int]
     combinations: int
     seconds: Finite
+    map: ProofMap | None = None
 
 
 class PlacementRecord(Record):

@@ -158,7 +158,7 @@ class PagePanel:
         if self._state is None or self._state.problem is not state.problem or state.message:
             self._task.show(state.problem)
         if self._state is None or self._state.optima is not state.optima:
-            self._search.show(state.optima)
+            self._search.show(state.optima, state.solution)
         self._state = state
 
     def _add_view(self, problem: Problem) -> None:

@@ -223,8 +223,9 @@ class Session:
 
         with self.watched(tell) as watch:
             solution = planner.solve(
-                problem=problem, effort=asked.effort, seed=asked.seed, verify=asked.verify
-            )
+                problem=problem, effort=asked.effort, seed=asked.seed, verify=asked.verify,
+                prove=asked.prove,
+            )  # fmt: skip
             interrupted = watch.interrupted
         if interrupted and aim is None:
             return

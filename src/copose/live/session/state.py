@@ -69,8 +69,9 @@ class Step:
 
 @dataclass(frozen=True)
 class SearchAim:
-    """The effort, seed and check of a search."""
+    """The effort, seed and checks of a search: verification, and the ε of a proof."""
 
     effort: EffortName = "normal"
     seed: int | None = None
     verify: bool = False
+    prove: float | None = None

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from copose.poses import Array
+from copose.poses import Array, Indices
 from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum
 from copose.posture.search.global_search import climbed
@@ -16,7 +16,7 @@ from copose.posture.search.outcome import SearchOutcome
 from copose.posture.setting import Setting
 from copose.progress import StoppedError, attained, hushed
 from copose.proof.proof import Proof
-from copose.results import ProofRecord
+from copose.results import ProofMap, ProofMapAxis, ProofRecord
 
 ASSUMPTIONS = (
     "every self-motion passes a slice; roots of a slice are found in floating point, and counted",
@@ -74,8 +74,8 @@ class Certificate:
             replace(outcome, optima=optima) if found else None,
         )  # fmt: skip
 
-    def record(self, value: float) -> ProofRecord:
-        """The record of the proof for the value of the answer in the end."""
+    def record(self, value: float, joints: Sequence[Array]) -> ProofRecord:
+        """The record of the proof for the answer in the end: its value and joints, by arm."""
         proof, slices = self.proof, self.proof.slices
         names, search = [arm.name for arm in self.setting.cell.arms], proof.search
         if search is None or not np.isfinite(search.highest):
@@ -102,8 +102,42 @@ class Certificate:
             self_motions={n: m.count for n, m in zip(names, proof.motions, strict=True)},
             slices={n: s.slices for n, s in zip(names, slices, strict=True)},
             segments={n: len(s.ends) for n, s in zip(names, proof.segments, strict=True)},
-            seconds=self.seconds,
+            seconds=self.seconds, map=self._map(joints, search.last),
         )  # fmt: skip
+
+    def _map(self, joints: Sequence[Array], last: Indices, most: int = 80) -> ProofMap | None:
+        """The objective over both arms' self-motions, so many postures of each, the answer, and the
+        combinations of segments that were bounded last; None where they are no two curves.
+        """
+        setting, proof, terms, axes, rows = self.setting, self.proof, [], [], []
+        if [motions.manifold.spare for motions in proof.motions] != [1, 1]:
+            return None
+        for i, motions in enumerate(proof.motions):
+            middles = motions.pieces.mean(axis=1)
+            within = setting.cell.beyond(i, middles) <= 0
+            inside, parts = np.flatnonzero(within), np.cumsum(~within)
+            chosen = inside[np.linspace(0, len(inside) - 1, min(most, len(inside))).astype(int)]
+            points = np.exp(1j * middles[chosen])
+
+            def nearest(q: Array, points: np.ndarray = points) -> Indices:
+                return np.asarray((np.exp(1j * q) @ points.conj().T).real.argmax(axis=1))
+
+            segments = proof.segments[i].ends.mean(axis=1)
+            rows.append(nearest(segments)[last[:, i]])
+            terms.append(motions.manifold.kernels.terms(middles[chosen], setting.placement.ties[i]))
+            axes.append(ProofMapAxis(
+                arm=setting.cell.arms[i].name, self_motions=motions.numbers[chosen].tolist(),
+                cuts=tuple((np.flatnonzero(np.diff(parts[chosen])) + 1).tolist()),
+                length=np.linalg.norm(np.diff(motions.pieces[inside], axis=1), axis=2).sum(),
+                answer=nearest(joints[i][None])[0],
+            ))  # fmt: skip
+        sums = (terms[0][None] + terms[1][:, None]).reshape(-1, terms[0].shape[1])
+        values = setting.objective.values_of_sums(setting, sums).reshape(len(terms[1]), -1)
+        rounded = tuple(
+            tuple(float(f"{x:.4g}") if np.isfinite(x) else None for x in row) for row in values
+        )
+        last = np.unique(np.stack(rows, axis=1), axis=0)
+        return ProofMap(x=axes[0], y=axes[1], values=rounded, last=last.tolist())
 
 
 def unproved(epsilon: float, reason: str | None, seconds: float = 0.0) -> ProofRecord:

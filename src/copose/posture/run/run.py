@@ -166,27 +166,30 @@ class Run:
             if proof is not None and proof.outcome is not None:
                 outcome, after = proof.outcome, self._best(proof.outcome, before, within)
             reached = self._reached(outcome, before, after, within)
-        if reached.why and any(arm.start is not None for arm in self.cell.arms):
-            notes += (
-                "the best posture cannot be reached from the start without letting go "
-                f"({'; '.join(reached.why)}); [search] reachable = true keeps to what can",
+            if reached.why and any(arm.start is not None for arm in self.cell.arms):
+                notes += (
+                    "the best posture cannot be reached from the start without letting go "
+                    f"({'; '.join(reached.why)}); [search] reachable = true keeps to what can",
+                )
+            status: Status = "solved" if after is not None else "failed"
+            if after is None and within is not None and within.single:
+                status = "infeasible"
+            value, certificate = None if after is None else after.value, None
+            if proof is not None and after is not None and value is not None:
+                certificate = proof.record(
+                    value, [np.array(q) for q in after.posture.joints.values()]
+                )
+            return self.solution(
+                status=status,
+                search=search_record(
+                    self.cell, outcome, seed, effort.name, value, verification, certificate
+                ),
+                reason=self._why(outcome, before, within) if after is None else None,
+                notes=(*notes, *self.acceptance.overlap(after), *_verdict(verification)),
+                before=MeasuredCases.single(before),
+                after=None if after is None else MeasuredCases.single(after),
+                reachable=reached.whole,
             )
-        status: Status = "solved" if after is not None else "failed"
-        if after is None and within is not None and within.single:
-            status = "infeasible"
-        value = None if after is None else after.value
-        certificate = None if proof is None or value is None else proof.record(value)
-        return self.solution(
-            status=status,
-            search=search_record(
-                self.cell, outcome, seed, effort.name, value, verification, certificate
-            ),
-            reason=self._why(outcome, before, within) if after is None else None,
-            notes=(*notes, *self.acceptance.overlap(after), *_verdict(verification)),
-            before=MeasuredCases.single(before),
-            after=None if after is None else MeasuredCases.single(after),
-            reachable=reached.whole,
-        )
 
     def _search(self, effort: Effort, so_far: _SoFar) -> SearchOutcome:
         """Outcome of a search among all postures, or those that can be reached from the start."""

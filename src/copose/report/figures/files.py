@@ -91,7 +91,12 @@ def figure(answer: Solution | Motion, style: Style = "bodies") -> Figure:
     panels, rows = result_panels(solution), case_rows(solution)
     if not panels and not rows:
         raise InputError(f"no posture to draw: {solution.reason}")
-    return _figure(panels, rows, result_heading(solution))
+    drawn = _figure(panels, rows, result_heading(solution))
+    with drawing():
+        from copose.report.charts.proof_map import add_proof_map
+
+        add_proof_map(drawn, solution)
+    return drawn
 
 
 def _figure(panels: list[Panel], rows: list[Row], heading: str) -> Figure:
@@ -106,6 +111,18 @@ def _figure(panels: list[Panel], rows: list[Row], heading: str) -> Figure:
         if SPACES[panels[0].solution.problem.space].planar:
             return planar_figure(panels, heading)
         return spatial_figure(panels, heading)
+
+
+def proof_picture(solution: Solution) -> bytes:
+    """The map of a result's proof alone, small, as the content of a .png file."""
+    with drawing():
+        from matplotlib.figure import Figure
+
+        from copose.report.charts.proof_map import add_proof_map
+
+        drawn = Figure(figsize=(5.0, 0.1))
+        add_proof_map(drawn, solution, tall=4.4)
+    return saved(drawn, "png")
 
 
 @contextlib.contextmanager
