@@ -79,7 +79,7 @@ class CombinationSearch:
                 chosen = self._halved(chosen, int(np.argmax(depths)))
                 continue
             before = gaps[: -options.stuck * len(arms)][-1:]
-            if before and gap > 0.8 * before[0]:
+            if before and not gap < 0.8 * before[0]:
                 break
             gaps.append(gap)
             most = chosen[np.argsort(-values, kind="stable")[: options.tried]]

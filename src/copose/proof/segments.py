@@ -73,6 +73,9 @@ class MotionSegments:
                 part = slice(first, first + options.at_once)
                 left[part], middles[part], rows = self._enclose(ends[part], most)
                 added.append(source[part][rows])
+            # A posture has no halves.
+            self.lost += int((left & _single(ends)).sum())
+            left &= ~_single(ends)
             a, b, c, source = ends[left, 0], ends[left, 1], middles[left], np.tile(source[left], 2)
             ends = np.concatenate([np.stack([a, c], axis=1), np.stack([c, b], axis=1)])
         self.lost += len(ends)
@@ -82,8 +85,7 @@ class MotionSegments:
         """The numbers of the segments that halves of segments are, and how many each has."""
         ends, known = self.ends[rows], len(self.ends)
         middles = self.middles(ends)[0]
-        # A posture has no halves.
-        lines = np.flatnonzero((ends[:, 0] != ends[:, 1]).any(axis=1))
+        lines = np.flatnonzero(~_single(ends))
         second = np.stack([middles, ends[:, 1]], axis=1)[lines]
         added = self.add(np.concatenate([np.stack([ends[:, 0], middles], axis=1), second]), np.inf)
         parents = np.concatenate([np.arange(len(rows)), lines])[added]
@@ -144,3 +146,8 @@ class MotionSegments:
         lower = np.where(bounded, lower, 0.0)
         turns = 2 * np.pi * np.ceil((lower - high) / (2 * np.pi))
         return np.asarray((bounded & (low + turns > upper)).any(axis=1))
+
+
+def _single(ends: Array) -> Mask:
+    """Pieces that are single postures."""
+    return np.asarray((ends[:, 0] == ends[:, 1]).all(axis=1))
