@@ -37,15 +37,6 @@ def turns(angles: Array) -> Array:
     return T
 
 
-def inverses(T: Array) -> Array:
-    """Inverses of rigid motions, (..., 4, 4)."""
-    inverse = np.zeros_like(T)
-    R = T[..., :3, :3].swapaxes(-1, -2)
-    inverse[..., :3, :3], inverse[..., :3, 3:] = R, -R @ T[..., :3, 3:]
-    inverse[..., 3, 3] = 1.0
-    return inverse
-
-
 def loop_angles(
     D: Array, cut: int, options: EliminationOptions = EliminationOptions()
 ) -> tuple[Array, Mask]:
@@ -97,9 +88,10 @@ def _equations(D: Array, phi: Array) -> tuple[Array, Array]:
     inner = R[3][:, None] @ (D5[:, None] @ (R[4] @ D6[:, None]))[:, None]
     whole = R[2][:, None, None] @ (D4[:, None, None] @ inner)[:, None]
     left = np.einsum("ai,bj,ck,nijkm->nmabc", fit, fit, fit, _fourteen(whole))
-    back = inverses(D2)[:, None] @ (inverses(R[0]) @ inverses(D1)[:, None])
-    back = inverses(R[1]) @ back[:, :, None]
-    right = _fourteen(inverses(D3)[:, None, None] @ back)
+    inverse = np.linalg.inv
+    back = inverse(D2)[:, None] @ (inverse(R[0]) @ inverse(D1)[:, None])
+    back = inverse(R[1]) @ back[:, :, None]
+    right = _fourteen(inverse(D3)[:, None, None] @ back)
     right = np.einsum("ai,bj,nijm->nmab", fit, fit, right).reshape(len(D), 14, 9)
     left[:, :, 0, 0, 0] -= right[:, :, 0]
     return left, right

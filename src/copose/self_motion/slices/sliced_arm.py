@@ -6,14 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from copose.poses import Array, Indices, Mask, Pose, turn_quaternions
+from copose.poses import Array, Indices, Mask, Pose
 from copose.problem import Space
 from copose.robots import Arm, finite_range
 from copose.self_motion.kernels import ArmKernels
 from copose.self_motion.manifold import null_vectors
 from copose.self_motion.projection import project
-from copose.self_motion.slices.elimination import inverses, loop_angles, turns
+from copose.self_motion.slices.elimination import loop_angles, turns
 from copose.self_motion.slices.planar_loops import planar_angles
+
+# Of no note, in which a pose is moved: position, m, and quaternion.
+_DIRECTION = np.array([0.2, 0.5, -0.4, 0.0, 0.15, -0.35, 0.25])
 
 
 @dataclass(frozen=True)
@@ -127,7 +130,8 @@ class SlicedArm:
         if self._space.planar:
             angles, ok = self._planar(goals, joint, values)
         else:
-            near = np.array([_matrix(_beside(goal, moved)) for goal in goals])
+            beside = goals + moved * _DIRECTION
+            near = np.array([_matrix(Pose.from_quaternion(g[:3], g[3:])) for g in beside])
             angles, ok = loop_angles(self._loops(near, joint, values), cut)
         rows, n = np.nonzero(ok)[0], self.arm.n
         free, q = np.arange(n) != joint, np.zeros((len(rows), n))
@@ -142,12 +146,13 @@ class SlicedArm:
     def _loops(self, goals: Array, joint: int | None, values: Array | None) -> Array:
         """The motions before the six joints that are free, closed by goals, (count, 6, 4, 4)."""
         count, joints = len(goals), self.arm.joints
-        D, before = [], np.eye(4)
+        before: Array = np.eye(4)
+        D = []
         for each in joints:
             axis = _matrix(Pose.from_rotation(_turned_to(each.axis)))
             D.append(np.broadcast_to(before @ _matrix(each.placement) @ axis, (count, 4, 4)))
-            before = inverses(axis)
-        D[0] = before @ _matrix(self.arm.tip) @ inverses(goals) @ D[0]
+            before = np.linalg.inv(axis)
+        D[0] = before @ _matrix(self.arm.tip) @ np.linalg.inv(goals) @ D[0]
         if joint is not None and values is not None:
             after = (joint + 1) % len(D)
             D[after] = D[joint] @ turns(values) @ D[after]
@@ -202,15 +207,6 @@ def _turned_to(axis: Array) -> Array:
     x = np.cross(np.eye(3)[int(np.abs(axis).argmin())], axis)
     x = x / np.linalg.norm(x)
     return np.column_stack([x, np.cross(axis, x), axis])
-
-
-def _beside(goal: Array, moved: float) -> Pose:
-    """A pose so far from a goal, (7,), in a direction of no note."""
-    shift = moved * np.array([0.2, 0.5, -0.4])
-    turn = turn_quaternions(moved * np.array([0.3, -0.7, 0.5]))
-    return Pose.from_quaternion(goal[:3] + shift, goal[3:]) @ Pose.from_quaternion(
-        np.zeros(3), turn
-    )
 
 
 def _matrix(pose: Pose) -> Array:
