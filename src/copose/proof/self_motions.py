@@ -10,11 +10,9 @@ from copose.cell.cell import Cell
 from copose.poses import Array, Indices, Mask
 from copose.self_motion.curves.arc_length import Track
 from copose.self_motion.curves.curve import Curve
-from copose.self_motion.curves.loops import Loops
 from copose.self_motion.curves.tracing import follow
 from copose.self_motion.kernels import ArmKernels
 from copose.self_motion.manifold import ClosureManifold
-from copose.self_motion.projection import project
 from copose.self_motion.slices.sliced_arm import ArmSlices
 
 
@@ -48,7 +46,7 @@ class SelfMotions:
         if n == kernels.m:
             curves, parts = [], [np.stack([q, q], axis=1)]
         else:
-            curves = _curves(cell, manifold, i, q, options.same)
+            curves = _curves(manifold, q, options.same)
             tracks = [Track.of(curve, cell.system.space.rigid) for curve in curves]
             parts = [np.zeros((0, 2, n)), *(_pieces(track, options.step) for track in tracks)]
         pieces = np.concatenate(parts)
@@ -59,23 +57,13 @@ class SelfMotions:
                    manifold)  # fmt: skip
 
 
-def _curves(cell: Cell, manifold: ClosureManifold, i: int, q: Array, same: float) -> list[Curve]:
-    """The curves through postures, each once: a point of each loop first, then what is on none."""
-    kernels, goal, curves = manifold.kernels, manifold.goals[0], list[Curve]()
-    if not len(q):
-        return curves
-    loops = Loops(cell, kernels, [i], manifold.goals)
-    loops.add(q, np.zeros(len(q), dtype=np.intp))
-    left = np.vstack([loops.innermost(np.inf), q])
-    left, _ = project(kernels, left, goal, manifold.lower[0], manifold.upper[0], steps=12)
-    first = loops.count()
+def _curves(manifold: ClosureManifold, q: Array, same: float) -> list[Curve]:
+    """The curves through postures, (count, n), each once."""
+    curves, left = list[Curve](), q
     while len(left):
-        for curve in follow(manifold.many(first), left[:first]):
-            if not any(_on(known, curve.points[:1], same).all() for known in curves):
-                curves.append(curve)
-        left, first = left[first:], 1
-        for curve in curves:
-            left = left[~_on(curve, left, same)]
+        curves += follow(manifold, left[:1])
+        # A posture is on its curve, whether that is told or not.
+        left = left[1:][~_on(curves[-1], left[1:], same)]
     return curves
 
 

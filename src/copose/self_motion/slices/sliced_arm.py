@@ -146,12 +146,11 @@ class SlicedArm:
     def _loops(self, goals: Array, joint: int | None, values: Array | None) -> Array:
         """The motions before the six joints that are free, closed by goals, (count, 6, 4, 4)."""
         count, joints = len(goals), self.arm.joints
-        before: Array = np.eye(4)
-        D = []
+        D, before = [], np.eye(4)
         for each in joints:
-            axis = _matrix(Pose.from_rotation(_turned_to(each.axis)))
-            D.append(np.broadcast_to(before @ _matrix(each.placement) @ axis, (count, 4, 4)))
-            before = np.linalg.inv(axis)
+            axis = Pose.from_rotation(_turned_to(each.axis))
+            D.append(np.tile(before @ _matrix(each.placement @ axis), (count, 1, 1)))
+            before = _matrix(axis.inverse())
         D[0] = before @ _matrix(self.arm.tip) @ np.linalg.inv(goals) @ D[0]
         if joint is not None and values is not None:
             after = (joint + 1) % len(D)
