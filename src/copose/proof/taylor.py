@@ -42,24 +42,23 @@ class Taylor:
         zero = Interval.exactly(np.zeros_like(value.mid))
         return cls.of([value, zero, zero], h)
 
+    @property
+    def _half(self) -> Array:
+        """Half lengths of the segments, in the dimensions of values."""
+        return self.h.reshape(-1, *[1] * (self.value.mid.ndim - 1))
+
     @cached_property
     def whole(self) -> Interval:
         """Enclosure of the values on the segment."""
-        h, zero = (
-            self.h.reshape(-1, *[1] * (self.value.mid.ndim - 1)),
-            np.zeros_like(self.value.mid),
-        )
-        square = Interval(zero + h**2 / 2, zero + h**2 / 2)
-        return self.value + self.curvature * square + Interval(zero, h * self.slope.size)
+        h, nothing = self._half, np.zeros_like(self.value.mid)
+        square = Interval(h**2 / 2, h**2 / 2)
+        return self.value + self.curvature * square + Interval(nothing, h * self.slope.size)
 
     @cached_property
     def slopes(self) -> Interval:
         """Enclosure of the slopes on the segment."""
-        h, zero = (
-            self.h.reshape(-1, *[1] * (self.value.mid.ndim - 1)),
-            np.zeros_like(self.value.mid),
-        )
-        return self.slope + Interval(zero, 2 * h * self.curvature.size)
+        nothing = np.zeros_like(self.value.mid)
+        return self.slope + Interval(nothing, 2 * self._half * self.curvature.size)
 
     def map(self, change: Callable[[Array], Array]) -> Taylor:
         """The same numbers in other places."""
