@@ -27,8 +27,9 @@ class SliceOptions:
     joints: int = 3  # that are locked one after the other, a third of the arm each
     tested: int = 30  # random postures that a cut of the loop has to give back
     # Distances, m and rad, of the pose at which is eliminated, in turns, from the goal: where that
-    # is symmetric a pencil may be singular. Newton steps close on the goal itself.
-    moved: tuple[float, ...] = (1e-3, 1e-4)
+    # is symmetric a pencil may be singular, and where postures nearly meet they part elsewhere:
+    # the nearer the fewer are lost. Newton steps close on the goal itself.
+    moved: tuple[float, ...] = (1e-3, 1e-4, 1e-5, 1e-6)
     steps: int = 24  # of these, at most
     closed: float = 1e-10  # residual of a posture, m and rad
     same: float = 1e-6  # difference of joints that are the same, rad
