@@ -33,7 +33,6 @@ from tables import table
 
 import copose
 from copose import kernels
-from copose.capability.sums import matrices
 from copose.cell.cell import Cell
 from copose.poses import Array, Indices, Mask
 from copose.posture.model import PostureModel
@@ -272,9 +271,7 @@ class BoundedCell:
         self._setting = self._model.setting(self._model.cell)
         self._model.compiled(wait=True)
         self._segments = [self._enclosed(i, own, rng) for i, own in enumerate(motions)]
-        rows, columns = np.triu_indices(problem.space.m)
-        axes = list(problem.axes)
-        self._entries = np.flatnonzero(np.isin(rows, axes) & np.isin(columns, axes))
+        self._axes = list(problem.axes)
 
     def _enclosed(
         self, i: int, motions: Sequence[SelfMotions], rng: np.random.Generator
@@ -332,23 +329,30 @@ class BoundedCell:
 
     def _bounds(self, chosen: Sequence[Indices]) -> Array:
         """Bounds of combinations of segments, before a search raises them for their rounding."""
-        M_o = self._setting.placement.inertia[self._entries]
-        ends = [each.bounds[..., rows] for each, rows in zip(self._segments, chosen, strict=True)]
-        corners = [
-            sum(end[:, v] for end, v in zip(ends, code, strict=True))
-            for code in product((0, 1), repeat=len(ends))
-        ]
-        return self._setting.objective.upper_bounds(np.stack(corners), M_o)
+        M_o = self._matrices(self._setting.placement.inertia[None])[0]
+        each = zip(self._segments, chosen, strict=True)
+        ends = [segments.bounds[..., rows].swapaxes(0, 1) for segments, rows in each]
+        corners = np.stack([sum(corner) for corner in product(*ends)])
+        return self._setting.objective.upper_bounds(corners, M_o)
+
+    def _matrices(self, entries: Array) -> Array:
+        """Symmetric matrices of their upper triangles, (count, s), in the axes of the problem."""
+        m = self._model.cell.system.space.m
+        rows, columns = np.triu_indices(m)
+        whole = np.empty((len(entries), m, m))
+        whole[:, rows, columns] = whole[:, columns, rows] = entries
+        return whole[:, self._axes][:, :, self._axes]
 
     def _term_margins(self, i: int, q: Array, rows: Indices, part: Array) -> Iterator[Array]:
         """By matrix, how far the terms of arm i are on their side of its bound, relative."""
         segments = self._segments[i]
         terms = self._model.arms[i].terms(q, self._setting.placement.ties[i])
         m = self._model.cell.system.space.m
+        size = m * (m + 1) // 2
         for side, (term, upper) in enumerate(segments.sides):
-            G = matrices(terms[:, m * (m + 1) // 2 * term + self._entries].T)
-            low, high = segments.bounds[side][:, :, rows]
-            V = matrices((1 - part) * low + part * high)
+            G = self._matrices(terms[:, size * term : size * (term + 1)])
+            low, high = np.moveaxis(segments.bounds[side][..., rows], -1, 1)
+            V = (1 - part[:, None, None]) * low + part[:, None, None] * high
             L = np.linalg.inv(np.linalg.cholesky(G))
             values = np.linalg.eigvalsh(L @ V @ L.swapaxes(1, 2))
             yield np.asarray(values[:, 0] - 1 if upper else 1 - values[:, -1])
