@@ -15,6 +15,7 @@ from copose.robots import finite_range
 from copose.self_motion.curves.tracing import follow
 from copose.self_motion.kernels import ArmKernels, KernelInputsBuilder
 from copose.self_motion.manifold import ClosureManifold
+from copose.self_motion.projection import CLOSED, project
 from copose.self_motion.slices.sliced_arm import SlicedArm, SliceOptions
 
 HERE = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
@@ -104,6 +105,17 @@ def test_planar_arms_in_closed_form(links: int, space: str) -> None:
             assert len(slices.postures) == 2 and apart(q[None], slices.postures)[0] < 1e-6
         else:
             assert met(arm, q, goal, slices.postures)
+
+
+def test_no_posture_is_lost_where_an_elbow_is_nearly_folded() -> None:
+    """Two pairs of postures nearly meet there: a count that is even does not tell."""
+    _, arm = sliced(robot("ur5"))
+    q = np.array([[-3.332595, 3.91362, 2.754667, -6.026049, -5.755342, -6.084796]])
+    goal = arm.kernels.gap(q, HERE)[0]
+    free = np.full(6, np.inf)
+    ends, gaps = project(arm.kernels, drawn(arm.arm, 500, 0), goal, -free, free)
+    assert len(arm.at(goal).postures) == 8
+    assert apart(ends[gaps < CLOSED], arm.at(goal).postures).max() < 1e-5
 
 
 def test_a_slice_is_not_lost_at_a_symmetric_pose() -> None:

@@ -149,11 +149,11 @@ class NlpCuts:
             if not end.converged:
                 return end if known is None else known
             reached = self._value(setting, end.q)
+            if bodies is None:
+                return end
             # Where a run is dear: what keeps clear of more will hardly be better.
             if self.model.capacity is not None and known is None and not reached > best:
                 return replace(end, converged=False, status="Below_Best")
-            if bodies is None:
-                return end
             before, x = setting.configurations(self.model.split(np.array([start, end.q])))
             touching = bodies.witnesses(x, bodies.clearance + self.options.touching)
             hits = [witness for witness in touching if witness.distance < bodies.clearance]
