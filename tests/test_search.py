@@ -273,7 +273,7 @@ def test_verification_says_whether_the_answer_stands(monkeypatch: pytest.MonkeyP
 
 def test_an_effort_may_have_options_of_its_own() -> None:
     planner = copose.Planner(parse(planar(2, 4)))
-    combining = replace(EFFORTS["low"].combining, fewest_starts=2)
+    combining = replace(EFFORTS["low"].combining, fewest_starts=2, surface_starts=1)
     few = replace(EFFORTS["low"], name="few", polished=2, combining=combining)
     search = planner.solve(effort=few).search
     assert search.effort == "few" and search.starts == 2

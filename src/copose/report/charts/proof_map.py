@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from copose.report.look import LOOK
-from copose.report.numbers import three
-from copose.report.words import objective_name, objective_unit, short
+from copose.report.words import objective_name, objective_unit, short, three
 from copose.results import ProofMap, Solution
 
 _EXPLANATION = (
