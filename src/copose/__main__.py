@@ -4,6 +4,7 @@ Whatever happens ends in an exit status, and in one line where it is neither 0 n
 few: until the first line of `run` the interpreter answers ^C with a traceback.
 """
 
+import gc
 import os
 import signal
 import sys
@@ -19,6 +20,8 @@ def run() -> int:
     # In the background of a script ^C is not meant for us: then it is ignored already.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, lambda *_: interrupt.end())
+    # Modules make many objects that stay: looking for garbage among them takes a tenth of the time.
+    gc.set_threshold(100_000)
     # All matrices are small: threads would wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Pydantic would look through every package installed for plug-ins.
