@@ -13,6 +13,7 @@ from copose.poses import Array
 from copose.posture.model import PostureModel
 from copose.posture.placement.nlp import PlacementNlp
 from copose.posture.placement.samples import PlacementSampler
+from copose.posture.placement.search import PlacementSearch
 from copose.posture.placement.starts import PlacementStarts
 from copose.posture.search.effort import EFFORTS
 from copose.posture.solvers.active_set import Iterates
@@ -125,6 +126,18 @@ def test_ends_are_optima_of_the_program(which: str) -> None:
     for row in np.flatnonzero(ends.converged)[:6]:
         start = program.placed(ends.q[row], float(ends.value[row]))
         assert program.climb(start).value - start.value < 1e-7
+
+
+def test_programs_go_on_from_the_best_ends_that_have_not_converged() -> None:
+    """Two Newton steps are too few: the best of what they come to is an optimum all the same."""
+    model = PostureModel(Cell.of(parse(planar_cell(cases=False))))
+    search = PlacementSearch(model, model.cell, 0, EFFORTS["low"])
+    polisher = search._polisher
+    few = replace(polisher.options, iterations=2)
+    search._polisher = replace(polisher, options=few)
+    best, *others = search.run().optima
+    assert search.polish(best).value - best.value < 1e-7
+    assert any(search.polish(end).value - end.value > 1e-3 for end in others)
 
 
 def test_where_limits_stop_an_arm_all_is_closed_together() -> None:
