@@ -20,8 +20,8 @@ from copose.robots import Arm, finite_range
 def possible_pairs(
     solids: Sequence[Solid], arms: Sequence[Arm], mounts: Collection[tuple[int, str]]
 ) -> list[tuple[int, int]]:
-    """All pairs i < j but those that are rigidly attached, stand still, or may touch; mounts are
-    (arm, name) of the static solids that an arm's first joint hangs on.
+    """The pairs i < j of solids but those that are rigidly attached, stand still, or may touch;
+    mounts are (arm, name) of the static solids that an arm's first joint hangs on.
     """
     return [
         (i, j)

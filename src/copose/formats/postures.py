@@ -1,4 +1,4 @@
-"""What all formats share: postures and knots, the problem that they answer, names, XML."""
+"""The parts that formats share: postures and knots, the problem that they answer, names, XML."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ def _layout(problem: Problem) -> dict[str, Any]:
 
 
 def tables_of(problem: Problem) -> dict[str, Any]:
-    """All values of a problem but those that are the default.
+    """The tables of a problem, without values that are the default.
 
     `copose.parse` makes the same problem of them.
     """

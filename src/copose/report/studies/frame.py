@@ -30,7 +30,7 @@ class TradeOffLook:
 
 
 def draw_trade_off(ax: Axes, content: MapContent, look: TradeOffLook = TradeOffLook()) -> None:
-    """All solved points, and the Pareto front as a step line with letters at some of its points."""
+    """Draw the solved points, and the Pareto front as a step line with letters at some."""
     trade = content.trade_off
     if trade is None:
         return

@@ -31,7 +31,7 @@ _COMPONENTS = {
 
 @dataclass(frozen=True)
 class KeyAxis:
-    """What varies together, as pictures and tables name it."""
+    """A key, or several that vary together, as pictures and tables name it."""
 
     number: int  # among the axes of the points
     name: str  # the key, or what several have in common and where they differ

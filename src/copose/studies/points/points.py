@@ -26,7 +26,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Axis:
-    """What varies together: one key, or several."""
+    """An axis of a study: one key, or several that vary together."""
 
     keys: tuple[str, ...]  # as ``--set`` takes them
     # The values of every key, a row each; None of a range that is sampled.

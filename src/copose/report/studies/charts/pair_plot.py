@@ -21,7 +21,7 @@ from copose.report.words import percent
 
 @dataclass(frozen=True)
 class BinOptions:
-    """How a key is cut into bins."""
+    """Options of the bins of a key's values."""
 
     most: int = 12  # bins of a key with many different values
     points: int = 12  # that a bin has at least, of a key with many different values
@@ -81,7 +81,7 @@ class PairLook:
 
 @dataclass(frozen=True)
 class KeyShare:
-    """How much a key counts."""
+    """The share of a number's variance that a key explains."""
 
     axis: KeyAxis
     value: float  # its share of the variance of the number, over solved points
