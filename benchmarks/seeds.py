@@ -157,7 +157,7 @@ def _miss(line: Line) -> str:
 def page(lines: list[Line]) -> str:
     """The page of Markdown: a line a problem, the misses in full."""
     rows, count = list[list[str]](), 0
-    for name in dict.fromkeys(line["problem"] for line in lines):
+    for name in sorted({line["problem"] for line in lines}):
         these = sorted((x for x in lines if x["problem"] == name), key=lambda x: int(x["seed"]))
         best, missed = best_and_missed(these)
         count += len(missed)
