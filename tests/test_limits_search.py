@@ -161,6 +161,13 @@ def test_an_acceleration_that_no_posture_has() -> None:
     )
 
 
+def test_climbs_that_end_below_the_best_are_optima_too() -> None:
+    """Where no body is in the way they are told of, and combined anew with the others."""
+    search = copose.solve(parse(cell_of("planar", objective={"kind": "payload"}))).search
+    assert sum(optimum.count for optimum in search.local_optima) > search.starts / 2
+    assert "Below_Best" not in {failure.status for failure in search.failures}
+
+
 @pytest.mark.parametrize("key", ["torque_limits", "gravity"])
 def test_what_limits_need_is_asked_for(key: str) -> None:
     cell = cell_of("planar", objective={"kind": "payload"})

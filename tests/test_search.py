@@ -277,6 +277,8 @@ def test_an_effort_may_have_options_of_its_own() -> None:
     few = replace(EFFORTS["low"], name="few", polished=2, combining=combining)
     search = planner.solve(effort=few).search
     assert search.effort == "few" and search.starts == 2
+    twice = replace(few, combining=replace(combining, surface_starts=2))
+    assert planner.solve(effort=twice).search.starts == 4
     assert planner.solve(effort="low").search.starts > 2
 
 

@@ -46,7 +46,7 @@ def _text(header: list[str], rows: Iterable[list[float]]) -> str:
 
 
 def posture_page(exported: ExportedPosture) -> str:
-    """One page that shows a posture, and the one before as a ghost.
+    """A page that shows a posture, and the one before as a ghost.
 
     Raises:
         InputError: the problem cannot be read or is not the result's, or viser is not installed.
@@ -60,7 +60,7 @@ def posture_page(exported: ExportedPosture) -> str:
 
 
 def motion_page(motion: Motion, problem: Problem | None) -> str:
-    """One page that plays a motion.
+    """A page that plays a motion.
 
     Raises:
         InputError: nothing moves, the problem cannot be read or is not the result's, or viser is

@@ -90,7 +90,7 @@ class RobotPlace:
 
 @dataclass(frozen=True)
 class RobotPlaces:
-    """Where the robots of a study are, and what their files hold: small, whatever the meshes."""
+    """The places of a study's robots and hashes of their files: small, whatever the meshes."""
 
     # By what the tables of arms say of a robot's files, see `_name`.
     robots: Mapping[str, RobotPlace]

@@ -122,7 +122,7 @@ class DrawnObstacle:
 
     @property
     def points(self) -> Array:
-        """All corners, (k, d)."""
+        """The corners, (k, d)."""
         return np.vstack(self.faces)
 
 

@@ -33,7 +33,7 @@ def pareto_front(one: Array, other: Array) -> Indices:
 
 @dataclass(frozen=True, eq=False)
 class MapContent:
-    """What a map shows."""
+    """The content of a map."""
 
     places: StudyPlaces  # with the number that is shown
     axes: tuple[KeyAxis, ...]  # the horizontal one, the vertical one, further ones

@@ -18,7 +18,7 @@ Codes: TypeAlias = NDArray[np.int16]
 
 @dataclass(frozen=True)
 class Ending:
-    """What may become of a place."""
+    """An outcome of a place in a study."""
 
     status: Status  # of its best line
     arms: tuple[str, ...] = ()  # that miss their grasp

@@ -117,8 +117,8 @@ class PointIndex:
         return len(self._first)
 
     def offsets(self, record: Path, block: int = 100_000) -> Indices:
-        """Where in a record the last line of each point begins, −1 of points without one, (count,);
-        where there is no record none has one.
+        """Offsets in a record at which the last line of each point begins, −1 of points without
+        one, (count,); where there is no record none has one.
 
         Raises:
             InputError: it cannot be read.

@@ -105,7 +105,7 @@ def joints_of(answer: Solution | Motion) -> Mapping[str, Any] | None:
 
 
 def placement_of(problem: Problem, answer: Solution | Motion) -> Mapping[str, Any] | None:
-    """Where a solution has what may be moved, as values of keys; of cases by case."""
+    """The placement of a solution's freedom, as values of keys; of cases by case."""
     if not isinstance(answer, Solution) or not answer.freedom:
         return None
     if answer.cases:

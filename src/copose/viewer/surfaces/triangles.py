@@ -86,8 +86,8 @@ def cylinder(radius: float, length: float, around: int = 24) -> Triangles:
 
 
 def capsule(radius: float, length: float, down: int = 12) -> Triangles:
-    """All within a radius, m, of a segment of a length along z, centred; without a length a sphere,
-    of an even number of steps from pole to pole.
+    """The solid within a radius, m, of a segment of a length along z, centred; without a length a
+    sphere, of an even number of steps from pole to pole.
     """
     angles = np.linspace(-np.pi / 2, np.pi / 2, down + 1)
     heights, radii = radius * np.sin(angles), radius * np.cos(angles)
