@@ -136,7 +136,7 @@ class Bodies(PairedSolids):
     def overlapping(self, x: Array) -> tuple[str, str] | None:
         """The names of a pair that overlaps in one configuration, (size,), None where none does."""
         where = self.placed(x[None])[0]
-        near = self.every[self.bounds(where, self.every) <= 0]
+        near = self.every[self._round.bounds(where, self.every) <= self._test.options.unsure]
         near = near[self.hull_distances(where, near) <= 0]
         hit = next((k for k in near if self.distances(where, np.array([k]))[0] <= 0), None)
         return None if hit is None else self.names(int(hit))

@@ -73,9 +73,11 @@ class ClearanceTest:
 
     def too_near(self, x: Array, pairs: Indices) -> Mask:
         """True for pairs that are too near in one configuration, (size,); (k,)."""
-        where = self._solids.placed(x[None])[0]
-        near = self._solids.bounds(where, pairs) < self.clearance
-        for k in np.flatnonzero(near):
+        where, unsure_by = self._solids.placed(x[None])[0], self.options.unsure
+        gaps = self._round.bounds(where, pairs)
+        near = gaps < self.clearance + unsure_by
+        hit = self._round.both[pairs] & (gaps < self.clearance - unsure_by)
+        for k in np.flatnonzero(near & ~hit):
             near[k] = not self._keeps_clear(where, pairs[[k]])
         return np.asarray(near)
 

@@ -40,6 +40,16 @@ class RoundSolids:
         """Segments of all solids in the world, (..., s, 3); points of those that are not round."""
         return self._segments.moved(where, self._solids.carrier)
 
+    def bounds(self, where: Placements, pairs: Indices) -> Array:
+        """Distances of round pairs and of the balls round others in one configuration, m, (k,)."""
+        bounds, own = self._solids.bounds(where, pairs), self.both[pairs]
+        a, b = self._solids.pairs[pairs[own]].T
+        if len(a):
+            segments = self.segments(where)
+            gaps = segment_distances(segments.of(a), segments.of(b))
+            bounds[own] = gaps - self.radii[pairs[own]]
+        return bounds
+
     def distances(self, where: Placements, rows: Indices, pairs: Indices) -> Array:
         """Distances of round pairs, m, (k,), by numbers of configurations and of tested pairs,
         (k,).
