@@ -27,7 +27,8 @@ from cells import closed_postures, tables
 from copose.cell.cell import Cell
 from copose.commands.command_line import main
 from copose.poses import Pose
-from copose.posture import Planner, evaluate
+from copose.posture import Planner
+from copose.posture.evaluation import evaluate
 from copose.problem import parse
 from copose.report import compare, comparison_table, draw_comparison, picture, solution_table
 from copose.report.figures.cases import cases_figure

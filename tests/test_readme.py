@@ -30,7 +30,7 @@ from copose.batch import check_study
 from copose.commands.command_line import main
 from copose.manual import page, topics
 from copose.motion import described
-from copose.posture import check
+from copose.posture.inspection import check
 from copose.problem import RobotArm, is_study
 from copose.studies import Study
 from copose.studies.study_file import StudyFile

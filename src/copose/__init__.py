@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from copose.live import LivePage, open_live
     from copose.loader import load, parse
     from copose.motion import PathPlanner, plan
-    from copose.posture import Check, Planner, check, evaluate, solve, verify
+    from copose.posture import Planner, solve
+    from copose.posture.evaluation import evaluate, verify
+    from copose.posture.inspection import Check, check
     from copose.problem import Problem
     from copose.progress import Progress
     from copose.report import compare, draw
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
     from copose.version import __version__
 
 _HOMES = {
-    "Check": "posture",
+    "Check": "posture.inspection",
     "CoposeError": "errors",
     "Ellipsoid": "capability",
     "InputError": "errors",
@@ -37,10 +39,10 @@ _HOMES = {
     "Progress": "progress",
     "Solution": "results",
     "__version__": "version",
-    "check": "posture",
+    "check": "posture.inspection",
     "compare": "report",
     "draw": "report",
-    "evaluate": "posture",
+    "evaluate": "posture.evaluation",
     "export": "formats",
     "load": "loader",
     "open_live": "live",
@@ -51,7 +53,7 @@ _HOMES = {
     "read_study": "studies",
     "run_study": "batch",
     "solve": "posture",
-    "verify": "posture",
+    "verify": "posture.evaluation",
 }
 
 __all__ = [

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from copose.errors import InputError
 from copose.motion import described
-from copose.posture import check
+from copose.posture.inspection import check
 from copose.problem import Problem
 from copose.report import chains, figure, motion_table, saved, solution_table, starts_figure
 from copose.results import Motion, Solution

@@ -10,7 +10,8 @@ from typing import Any, TypeAlias
 
 from copose.errors import InputError
 from copose.motion import plan
-from copose.posture import Planner, evaluate
+from copose.posture import Planner
+from copose.posture.evaluation import evaluate
 from copose.problem import Problem, changed
 from copose.progress import StoppedError, heed, hushed, watched
 from copose.results import Motion, Solution

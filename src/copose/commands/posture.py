@@ -97,7 +97,7 @@ class EvaluateCommand(Command):
         """See `Command.run`."""
         with watching(arguments):
             folder, problem = prepare(arguments, _posture_files())
-            from copose.posture import evaluate
+            from copose.posture.evaluation import evaluate
             from copose.results import read_solution
 
             result = None if arguments.joints is None else read_solution(arguments.joints)

@@ -39,7 +39,7 @@ class CheckCommand(Command):
             return _check_study(arguments)
         with watching(arguments):
             from copose.motion import described
-            from copose.posture import check
+            from copose.posture.inspection import check
             from copose.report import chains, check_format, draw_start
 
             figure = arguments.figure

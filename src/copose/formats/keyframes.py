@@ -12,7 +12,8 @@ from copose.formats.postures import ExportedPosture, problem_of, xml_text
 from copose.poses import Array
 from copose.problem import RobotArm
 from copose.results import Posture
-from copose.robots import Arm, WholeRobot, whole_robots
+from copose.robots import Arm
+from copose.robots.whole_robot import WholeRobot, whole_robots
 
 
 def keyframes_xml(exported: ExportedPosture) -> str:

@@ -15,7 +15,6 @@ from copose.errors import InputError, nearest
 from copose.poses import Array
 from copose.posture.placement.placed import Placed
 from copose.posture.search.effort import EFFORTS, Effort, EffortName
-from copose.proof.proof import SMALLEST
 from copose.results import Solution
 
 Warm: TypeAlias = Solution | Mapping[str, Sequence[float]]
@@ -32,14 +31,14 @@ def check_seed(seed: int | None) -> None:
         raise InputError(f"{seed!r} is no whole number from 0 to 2⁶³ − 1", key="seed")
 
 
-def check_epsilon(epsilon: float | None) -> None:
-    """Refuse an ε that cannot be proved.
+def check_epsilon(epsilon: float | None, least: float = 1e-9) -> None:
+    """Refuse an ε that cannot be proved: below the least, which rounding allows.
 
     Raises:
-        InputError: it is no number, or below what rounding allows.
+        InputError: it is no number, or too small.
     """
-    if epsilon is not None and not (isinstance(epsilon, Real) and SMALLEST <= epsilon < np.inf):
-        raise InputError(f"{epsilon!r} is no number from {SMALLEST:g} on", key="prove")
+    if epsilon is not None and not (isinstance(epsilon, Real) and least <= epsilon < np.inf):
+        raise InputError(f"{epsilon!r} is no number from {least:g} on", key="prove")
 
 
 def effort_of(effort: EffortName | Effort) -> Effort:

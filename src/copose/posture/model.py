@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,7 +30,6 @@ from copose.posture.score import Score
 from copose.posture.setting import Setting
 from copose.posture.solvers.active_set import NewtonOptions
 from copose.posture.solvers.newton import ArmGroup, Polisher
-from copose.posture.solvers.nlp import PostureProgram
 from copose.posture.solvers.placed_newton import (
     PlacedArm,
     PlacedCase,
@@ -40,6 +40,9 @@ from copose.posture.solvers.placed_newton import (
 from copose.results import LinkRecord, link_records
 from copose.self_motion.kernels import ArmKernels, KernelInputsBuilder, terms_kernel
 from copose.self_motion.manifold import ClosureManifold
+
+if TYPE_CHECKING:
+    from copose.posture.solvers.nlp import PostureProgram
 
 
 class PostureModel:
@@ -134,6 +137,8 @@ class PostureModel:
             for constraint in self.feasibility.constraints:
                 term = constraint.term(system, self.capacity)
                 terms += [] if term is None else [term]
+            from copose.posture.solvers.nlp import PostureProgram
+
             numbers = self.objective.program_size(self._nominal)
             self._built[key] = PostureProgram(
                 self.cell, self.objective, numbers, self.capacity, terms, places

@@ -1,8 +1,10 @@
-"""Local optima, where climbs end."""
+"""Where local searches end: at local optima, and as a run of IPOPT tells."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+import numpy as np
 
 from copose.poses import Array
 
@@ -14,3 +16,22 @@ class LocalOptimum:
     q: Array
     objective: float
     count: int
+
+
+@dataclass(frozen=True, eq=False)
+class LocalSolve:
+    """The end of one run of IPOPT.
+
+    Attributes:
+        q: joint positions of all arms, stacked, (N,); where more is free, that after the joints.
+        converged: whether IPOPT met its tolerance.
+        status: in IPOPT's words.
+        violations: the largest violation of each constraint, by name.
+        optimality: the scaled error of the optimality conditions, infinite where none is known.
+    """
+
+    q: Array
+    converged: bool
+    status: str
+    violations: dict[str, float]
+    optimality: float = np.inf

@@ -20,9 +20,6 @@ from copose.proof.tubes import SelfMotionTubes
 from copose.self_motion.kernels import ArmKernels, KernelInputs
 from copose.self_motion.slices.sliced_arm import ArmSlices, SlicedArm
 
-SMALLEST = 1e-9
-"""The least ε: rounding allows no other."""
-
 
 def unprovable(cell: Cell, objective: Objective) -> str | None:
     """The reason why nothing can be proved of a problem; None where there is none."""

@@ -1,22 +1,14 @@
-"""The arms of a problem, and the robots that they are parts of."""
+"""The arms of a problem: those given by their links, and those that are parts of robots."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from copose.errors import InputError, arm_key, blamed_on
 from copose.poses import Pose, frozen_array
-from copose.problem import PlanarArm, Problem, RobotArm
+from copose.problem import PlanarArm, Problem
 from copose.robots.arm import Arm, Body, Joint, freed
-from copose.robots.chain_arm import robot_arm
-from copose.robots.files.tree import Tree
 from copose.robots.limits import LimitNotes, check_lengths, start_within_limits
-from copose.robots.robot import RobotOnBase, RobotsRead, read_robot
-from copose.selection import groups
 
 
 def planar_arm(spec: PlanarArm, key: str) -> Arm:
@@ -73,24 +65,6 @@ def _body(mass: float, com: tuple[float, float], inertia: float) -> Body:
     return Body(mass, frozen_array([*com, 0.0]), frozen_array(np.eye(3) * inertia))
 
 
-@dataclass(frozen=True, eq=False)
-class WholeRobot:
-    """A robot with all arms that are parts of it."""
-
-    tree: Tree  # its links and joints
-    arms: tuple[Arm, ...]  # in the order of the problem
-    locked: Mapping[str, float]  # joints that any of the arms' tables holds, rad or m
-
-    def positions(self, joints: Mapping[str, Sequence[float]]) -> dict[str, float]:
-        """Positions of all movable joints of the robot, rad or m, by those of its arms."""
-        moved = {
-            name: position
-            for arm in self.arms
-            for name, position in zip(arm.joint_names, joints[arm.name], strict=True)
-        }
-        return dict(self.tree.standing({**self.locked, **moved}).at)
-
-
 def load_arms(problem: Problem) -> tuple[Arm, ...]:
     """Read every arm of a problem into plain numbers, in file order.
 
@@ -103,65 +77,13 @@ def load_arms(problem: Problem) -> tuple[Arm, ...]:
         if planar:
             arms = [planar_arm(spec, arm_key(i, spec.name)) for i, spec in enumerate(planar)]
         else:
-            arms = [part.arm for part in _parts(problem)]
+            # Planar problems need not wait for the readers of robots' files.
+            from copose.robots.whole_robot import robot_parts
+
+            arms = [part.arm for part in robot_parts(problem)]
         for i, arm in enumerate(arms):
             _check(arm, problem, arm_key(i, arm.name))
     return tuple(arms)
-
-
-def whole_robots(problem: Problem) -> tuple[WholeRobot, ...]:
-    """The robots of a spatial problem, in the order of their first arms.
-
-    Raises:
-        InputError: a robot cannot be read, or two arms do not move independently.
-    """
-    with blamed_on(problem.source):
-        parts = _parts(problem)
-    return tuple(
-        WholeRobot(
-            tree=team[0].tree,
-            arms=tuple(part.arm for part in team),
-            locked={name: at for part in team for name, at in part.spec.locked.items()},
-        )
-        for team in groups(parts, lambda first, part: first.whole.same(part.whole))
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """An arm with its table, and the robot that it is part of."""
-
-    spec: RobotArm
-    arm: Arm
-    tree: Tree
-    whole: RobotOnBase
-
-
-def _parts(problem: Problem) -> list[_Part]:
-    """The arms of a spatial problem, each robot's file read once."""
-    folder = problem.source.parent if problem.source is not None else Path()
-    read: RobotsRead = {}
-    parts: list[_Part] = []
-    for i, spec in enumerate(spec for spec in problem.arms if isinstance(spec, RobotArm)):
-        key = arm_key(i, spec.name)
-        robot = read_robot(spec, folder, key, read)
-        arm, whole = robot_arm(spec, robot, key, weighed=not problem.kinematic)
-        for part in parts:
-            other = part.arm
-            clash = whole.clash(part.whole)
-            if clash is not None:
-                raise InputError(
-                    f"arms {other.name!r} and {arm.name!r} are one robot and {clash}",
-                    key=f"{key}.locked",
-                )
-            if whole.same(part.whole) and "base" in (*arm.free, *other.free):
-                raise InputError(
-                    f"arms {other.name!r} and {arm.name!r} are one robot, whose base cannot be "
-                    "moved for one of them; let the object move instead",
-                    key=f"{key}.freedom.base",
-                )
-        parts.append(_Part(spec, arm, robot.tree, whole))
-    return parts
 
 
 def _check(arm: Arm, problem: Problem, key: str) -> None:

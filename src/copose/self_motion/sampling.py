@@ -22,7 +22,6 @@ from copose.self_motion.curves.loops import Loops
 from copose.self_motion.kernels import ArmKernels
 from copose.self_motion.least_squares import nearest
 from copose.self_motion.projection import CLOSED, project
-from copose.self_motion.slices.sliced_arm import SlicedArm
 
 
 @dataclass(frozen=True)
@@ -81,6 +80,9 @@ class ArmSampler:
         """Closed postures of slices that meet every self-motion, (count, n); none where no cut
         works for the arm.
         """
+        # Only a search that is to be complete slices.
+        from copose.self_motion.slices.sliced_arm import SlicedArm
+
         slices = SlicedArm(self.cell.arms[self.i], self.kernels, self.cell.system.space)
         if slices.fault is not None:
             return np.zeros((0, self.kernels.n))

@@ -9,12 +9,10 @@ import numpy as np
 
 from copose.cell.cell import Cell
 from copose.poses import Array, Mask
-from copose.posture.local.nlp_cuts import NlpCuts
 from copose.posture.model import PostureModel
-from copose.posture.optimum import LocalOptimum
+from copose.posture.optimum import LocalOptimum, LocalSolve
 from copose.posture.setting import Setting
 from copose.posture.solvers.active_set import Polished
-from copose.posture.solvers.nlp import LocalSolve
 from copose.progress import attained, stage
 from copose.selection import far_apart_rows
 
@@ -233,6 +231,9 @@ class LocalSearches:
         model, setting = self.model, self.setting
         if len(q) == 0:
             return np.zeros(0)
+        # Smooth objectives are climbed without the programs.
+        from copose.posture.local.nlp_cuts import NlpCuts
+
         ends = list(NlpCuts(model).solve(setting, q))
         values = model.objectives(setting, np.array([end.q for end in ends]))
         good = np.isfinite(values) & np.array([end.converged for end in ends])

@@ -17,9 +17,10 @@ from copose.constraints.clearance import SPARE, Apart, held_back, of_two, rows_o
 from copose.objectives.objective import Cuts
 from copose.poses import Array
 from copose.posture.model import PostureModel
+from copose.posture.optimum import LocalSolve
 from copose.posture.setting import Setting
 from copose.posture.solvers.constraint_generation import GenerationOptions, ProgramEnd, generate
-from copose.posture.solvers.nlp import Given, LocalSolve
+from copose.posture.solvers.nlp import Given
 from copose.progress import stage
 
 

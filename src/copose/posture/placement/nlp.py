@@ -12,10 +12,11 @@ from copose.objectives.objective import Cuts
 from copose.poses import Array
 from copose.posture.local.nlp_cuts import NlpCuts
 from copose.posture.model import PostureModel
+from copose.posture.optimum import LocalSolve
 from copose.posture.placement.placed import Placed
 from copose.posture.setting import Setting
 from copose.posture.solvers.constraint_generation import GenerationOptions, ProgramEnd, generate
-from copose.posture.solvers.nlp import Given, LocalSolve
+from copose.posture.solvers.nlp import Given
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import numpy as np
 from copose.cell.cell import Cell
 from copose.poses import Array
 from copose.posture.model import PostureModel
+from copose.posture.optimum import LocalSolve
 from copose.posture.placement.differences import Differences
 from copose.posture.placement.nlp import PlacementNlp
 from copose.posture.placement.placed import FreePoses, Placed
@@ -24,7 +25,6 @@ from copose.posture.placement.starts import PlacementStarts
 from copose.posture.search.effort import Effort
 from copose.posture.search.outcome import SearchOutcome
 from copose.posture.setting import Setting
-from copose.posture.solvers.nlp import LocalSolve
 from copose.posture.solvers.placed_newton import PlacedPolisher
 from copose.progress import attained, heed, stage
 

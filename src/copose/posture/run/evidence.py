@@ -8,12 +8,11 @@ import numpy as np
 
 from copose.cell.cell import Cell
 from copose.posture.model import PostureModel
-from copose.posture.optimum import LocalOptimum
+from copose.posture.optimum import LocalOptimum, LocalSolve
 from copose.posture.search.global_search import climbed
 from copose.posture.search.heaviest import all_combinations, all_judged, heaviest_object, uncarried
 from copose.posture.search.outcome import SearchOutcome
 from copose.posture.setting import Setting
-from copose.posture.solvers.nlp import LocalSolve
 from copose.results import (
     BasinRecord,
     FailureRecord,

@@ -18,7 +18,6 @@ from copose.poses import Array
 from copose.posture.model import PostureModel
 from copose.posture.reachable.reachability import Reached, reachable
 from copose.posture.run.acceptance import Acceptance
-from copose.posture.run.certificate import Certificate, unproved
 from copose.posture.run.evidence import (
     blocked_reason,
     search_record,
@@ -126,7 +125,11 @@ class Run:
             after = before
         if after is None:
             raise stop
-        proof = None if epsilon is None else unproved(epsilon, str(stop))
+        proof = None
+        if epsilon is not None:
+            from copose.posture.run.certificate import unproved
+
+            proof = unproved(epsilon, str(stop))
         return self.solution(
             status="solved",
             search=search_record(
@@ -161,6 +164,8 @@ class Run:
                 after = self._best(better, before, within)
         outcome, proof = so_far.outcome, None
         if epsilon is not None and after is not None and after.value is not None:
+            from copose.posture.run.certificate import Certificate
+
             proof = Certificate.of(self.model, self.setting, outcome, after.value, epsilon)
         with sheltered() if proof is not None else nullcontext():
             if proof is not None and proof.outcome is not None:

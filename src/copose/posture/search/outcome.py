@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 from copose.constraints.clearance import Blocked
 from copose.poses import Array
-from copose.posture.optimum import LocalOptimum
-from copose.posture.solvers.nlp import LocalSolve
+from copose.posture.optimum import LocalOptimum, LocalSolve
 from copose.self_motion.sampling import ArmSample
 
 

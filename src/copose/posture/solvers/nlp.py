@@ -17,6 +17,7 @@ from copose.cell.variables import Places
 from copose.constraints.constraint import Constraint, ConstraintTerm, closure_constraints
 from copose.objectives.objective import Objective, Term
 from copose.poses import Array
+from copose.posture.optimum import LocalSolve
 from copose.posture.solvers.hessian import differenced_hessian
 from copose.posture.solvers.ipopt import Ipopt
 
@@ -51,25 +52,6 @@ class SharpeningOptions:
     first_slack: float = 0.02  # of the logarithm of an eigenvalue, how far its bound starts off
     wider_slacks: tuple[float, ...] = (0.2, 0.05)  # tried after a failure
     nudge: float = 0.03  # rad or m beside its start, where a smooth program is tried again
-
-
-@dataclass(frozen=True, eq=False)
-class LocalSolve:
-    """The end of one run of IPOPT.
-
-    Attributes:
-        q: joint positions of all arms, stacked, (N,); where more is free, that after the joints.
-        converged: whether IPOPT met its tolerance.
-        status: in IPOPT's words.
-        violations: the largest violation of each constraint, by name.
-        optimality: the scaled error of the optimality conditions, infinite where none is known.
-    """
-
-    q: Array
-    converged: bool
-    status: str
-    violations: dict[str, float]
-    optimality: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
