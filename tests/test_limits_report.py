@@ -17,13 +17,14 @@ import copose
 from cells import closed_postures, planar, two_pandas
 from copose.cell.cell import Cell
 from copose.problem import parse
-from copose.report import compare, comparison_table, picture, solution_table
+from copose.report import compare, picture
 from copose.report.charts.exact_sets import SetPicture, draw_set, set_pictures
 from copose.report.geometry.hulls import Hull as Solid
 from copose.report.geometry.slices import angular_slice, linear_slice
 from copose.report.look import LOOK
 from copose.report.panels import result_panels
 from copose.report.scene.forces import holding_arrows
+from copose.report.text import comparison_table, solution_table
 from copose.report.text.limits import limit_lines
 from copose.report.words import gain_words, objective_name, three, value_words
 from copose.results import (

@@ -21,9 +21,10 @@ from cells import planar, toml
 from copose.commands.command_line import main
 from copose.errors import InputError
 from copose.formats import joint_trajectory_yaml, trajectory_csv
-from copose.report import draw, motion_animation, motion_table, picture
+from copose.report import draw, motion_animation, picture
 from copose.report.figures.motion import motion_figure
 from copose.report.joint_curves import limit_shares, spread
+from copose.report.text import motion_table
 from copose.results import (
     EllipsoidRecord,
     Motion,

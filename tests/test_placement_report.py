@@ -30,7 +30,7 @@ from copose.poses import Pose
 from copose.posture import Planner
 from copose.posture.evaluation import evaluate
 from copose.problem import parse
-from copose.report import compare, comparison_table, draw_comparison, picture, solution_table
+from copose.report import compare, draw_comparison, picture
 from copose.report.figures.cases import cases_figure
 from copose.report.figures.planar import planar_figure
 from copose.report.figures.spatial import spatial_figure
@@ -42,6 +42,7 @@ from copose.report.look import LOOK
 from copose.report.panels import NOWHERE, case_rows, moved_words
 from copose.report.panels import result_panels as panels
 from copose.report.scene import polygons
+from copose.report.text import comparison_table, solution_table
 from copose.report.words import result_heading, three
 from copose.results import (
     CasePosture,

@@ -22,7 +22,8 @@ from cells import planar
 from copose.cell.notes import once
 from copose.manual import page
 from copose.motion import described
-from copose.report import chains, compare, comparison_table, guesses, motion_table, solution_table
+from copose.report import compare
+from copose.report.text import chains, comparison_table, guesses, motion_table, solution_table
 from copose.report.text.columns import shared_beginning
 from copose.results import Motion, Solution, read_motion, read_solution
 from copose.setup import Wishes, draft

@@ -34,7 +34,7 @@ class CompareCommand(Command):
     def run(self, arguments: argparse.Namespace) -> int:
         """See `Command.run`."""
         with watching(arguments):
-            from copose.report import check_format, compare, comparison_table, draw_comparison
+            from copose.report import check_format, compare, draw_comparison
             from copose.results import read_solution
 
             check_format(arguments.figure)
@@ -46,6 +46,8 @@ class CompareCommand(Command):
             with spared(arguments.figure):
                 draw_comparison(comparison, arguments.figure, arguments.style)
         if not arguments.quiet:
+            from copose.report.text import comparison_table
+
             print_rich(comparison_table(comparison))
             print_place(arguments.figure)
         return ExitStatus.SOLVED

@@ -46,7 +46,7 @@ class PathCommand(Command):
             with on_interrupt(watch.interrupt):
                 motion = plan(problem, seed=arguments.seed, time_limit=arguments.time_limit)
             from copose.formats import joint_trajectory_yaml, trajectory_csv
-            from copose.report import motion_animation, motion_table, picture
+            from copose.report import motion_animation, picture
 
             contents: dict[AnswerFile, Callable[[], bytes]] = {
                 AnswerFile.TRAJECTORY: lambda: trajectory_csv(motion).encode(),
@@ -62,8 +62,7 @@ class PathCommand(Command):
                 return write_interrupted(motion, folder, texts)
             figure = arguments.figure if solved else None
             write_answer(motion, folder, writers, figure, arguments.style)
-        table = motion_table(motion, verbose=arguments.verbose)
-        return print_answer(motion, table, folder, arguments)
+        return print_answer(motion, folder, arguments)
 
 
 def _files(arguments: argparse.Namespace) -> list[AnswerFile]:

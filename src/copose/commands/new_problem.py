@@ -76,7 +76,7 @@ class InitCommand(Command):
 
             write_file(file, made.text.encode())
         if not arguments.quiet:
-            from copose.report import guesses
+            from copose.report.text import guesses
 
             print_rich(guesses(made.guesses))
             print_place(file)

@@ -74,7 +74,7 @@ class SolveCommand(Command):
             if watch.interrupted:
                 return write_interrupted(solution, folder, {})
             _write_posture(solution, folder, arguments)
-        return _print_posture(solution, folder, arguments)
+        return print_answer(solution, folder, arguments)
 
 
 class EvaluateCommand(Command):
@@ -104,7 +104,7 @@ class EvaluateCommand(Command):
             with blamed_on(arguments.joints):
                 solution = evaluate(problem, result)
             _write_posture(solution, folder, arguments)
-        return _print_posture(solution, folder, arguments)
+        return print_answer(solution, folder, arguments)
 
 
 def _posture_files() -> tuple[AnswerFile, AnswerFile]:
@@ -124,10 +124,3 @@ def _write_posture(solution: Solution, folder: Path, arguments: argparse.Namespa
     if solution.status == "solved":
         writers[AnswerFile.PICTURE] = lambda: picture(solution, "png", arguments.style)
     write_answer(solution, folder, writers, arguments.figure, arguments.style)
-
-
-def _print_posture(solution: Solution, folder: Path, arguments: argparse.Namespace) -> int:
-    from copose.report import solution_table
-
-    table = solution_table(solution, verbose=arguments.verbose)
-    return print_answer(solution, table, folder, arguments)

@@ -40,7 +40,8 @@ class CheckCommand(Command):
         with watching(arguments):
             from copose.motion import described
             from copose.posture.inspection import check
-            from copose.report import chains, check_format, draw_start
+            from copose.report import check_format, draw_start
+            from copose.report.text import chains
 
             figure = arguments.figure
             if figure is not None:

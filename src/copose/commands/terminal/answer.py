@@ -19,8 +19,6 @@ from copose.interrupt import ExitStatus
 from copose.progress import sheltered, stage
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
     from copose.report.figures.files import Style
     from copose.results import Motion, Solution
 
@@ -84,17 +82,21 @@ def spared(file: Path) -> Iterator[None]:
         tell(f"warning: {file}: {type(error).__name__}: {error}")
 
 
-def print_answer(
-    answer: Solution | Motion, table: RenderableType, folder: Path, arguments: argparse.Namespace
-) -> int:
+def print_answer(answer: Solution | Motion, folder: Path, arguments: argparse.Namespace) -> int:
     """Print an answer, and return its exit status."""
-    if arguments.json:
-        from copose.results import to_json
+    from copose.results import Solution, to_json
 
+    if arguments.json:
         with printing():
             sys.stdout.write(to_json(answer))
     elif not arguments.quiet:
-        print_rich(table)
+        from copose.report.text import motion_table, solution_table
+
+        verbose: bool = arguments.verbose
+        if isinstance(answer, Solution):
+            print_rich(solution_table(answer, verbose=verbose))
+        else:
+            print_rich(motion_table(answer, verbose=verbose))
         print_place(folder)
     if answer.reason is not None:
         tell(f"{answer.status}: {answer.reason}")

@@ -102,14 +102,16 @@ def figure(answer: Solution | Motion, style: Style = "bodies") -> Figure:
 def _figure(panels: list[Panel], rows: list[Row], heading: str) -> Figure:
     """A figure of rows where there are some, else of panels."""
     with drawing():
-        from copose.report.figures.cases import cases_figure
-        from copose.report.figures.planar import planar_figure
-        from copose.report.figures.spatial import spatial_figure
-
         if rows:
+            from copose.report.figures.cases import cases_figure
+
             return cases_figure(rows, heading)
         if SPACES[panels[0].solution.problem.space].planar:
+            from copose.report.figures.planar import planar_figure
+
             return planar_figure(panels, heading)
+        from copose.report.figures.spatial import spatial_figure
+
         return spatial_figure(panels, heading)
 
 
