@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -18,9 +19,16 @@ def constant(values: Array) -> ca.SX:
 
 def multiply_quaternions(a: ca.SX, b: ca.SX) -> ca.SX:
     """Hamilton product a ⊗ b of quaternions [w, x, y, z]."""
-    # An entry is found anew wherever it is asked for.
-    product: ca.SX = ca.vertcat(*quaternion_product(ca.vertsplit(a), ca.vertsplit(b)))
+    product: ca.SX = _quaternion_product()(a, b)
     return product
+
+
+@cache
+def _quaternion_product() -> ca.Function:
+    """The product as a function: expressions take it over in one call, not in thirty."""
+    a, b = ca.SX.sym("a", 4), ca.SX.sym("b", 4)
+    product = ca.vertcat(*quaternion_product(ca.vertsplit(a), ca.vertsplit(b)))
+    return ca.Function("quaternion_product", [a, b], [product])
 
 
 @dataclass(frozen=True, eq=False)
