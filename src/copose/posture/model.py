@@ -137,6 +137,7 @@ class PostureModel:
             for constraint in self.feasibility.constraints:
                 term = constraint.term(system, self.capacity)
                 terms += [] if term is None else [term]
+            # Many searches never solve a program.
             from copose.posture.solvers.nlp import PostureProgram
 
             numbers = self.objective.program_size(self._nominal)

@@ -100,4 +100,5 @@ def _outlines(solid: Solid, directions: Array, digits: int) -> Iterator[Outline]
         corners = corners @ pose.rotation.T + pose.position
         outermost = (corners @ directions.T).argmax(axis=0)
         points = np.round(corners[outermost] + beyond * directions, digits) + 0.0
-        yield Outline(solid.carrier, np.unique(points, axis=0))
+        # NumPy's own unique loads masked arrays.
+        yield Outline(solid.carrier, np.array(sorted(set(map(tuple, points.tolist())))))

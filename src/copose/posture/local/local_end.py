@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from copose.poses import Array
-from copose.posture.local.nlp_cuts import NlpCuts
 from copose.posture.model import PostureModel
 from copose.posture.setting import Setting
 from copose.self_motion.projection import CLOSED, project
@@ -52,6 +51,8 @@ def local_solve(model: PostureModel, setting: Setting, joints: Sequence[Array]) 
         end, value, error = polished.q[0], polished.value[0], polished.error[0]
         converged = bool(polished.converged[0])
     else:
+        from copose.posture.local.nlp_cuts import NlpCuts
+
         solved = next(NlpCuts(model).solve(setting, start))
         end, error, converged = solved.q, solved.optimality, solved.converged
         value, kept = model.objectives(setting, np.vstack([end, start]))

@@ -80,7 +80,7 @@ class Loops:
 
     def count(self, arm: int = 0) -> int:
         """Number of loops of one of the arms."""
-        return len(np.unique(self._loops[self.arms == arm]))
+        return len(set(self._loops[self.arms == arm].tolist()))
 
     def innermost(self, beyond: float) -> Array:
         """The point of each loop that is deepest within limits, (count, n).
