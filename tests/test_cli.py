@@ -369,24 +369,37 @@ def test_public_names_exist() -> None:
 
 
 def test_a_solution_waits_for_nothing_that_it_does_not_need(here: Path) -> None:
-    """Neither for drawings and studies, nor for what moves the object, maps self-motions, walks
-    them, or measures misses.
+    """Neither for drawings, tables and studies, nor for what moves the object, maps self-motions,
+    walks them, slices them, measures misses, proves, reads robots, solves programs, or tells
+    distances of bodies that are round.
     """
     write(here, planar())
     rooms = ("studies", "motion", "posture.landscape", "posture.placement.search",
-             "posture.reachable.search", "self_motion.misses", "objectives.all_round")  # fmt: skip
-    names = ["matplotlib", "scipy", "pinocchio", *(f"copose.{room}" for room in rooms)]
+             "posture.reachable.search", "self_motion.misses", "objectives.all_round",
+             "self_motion.slices", "proof.proof", "posture.inspection", "posture.run.certificate",
+             "posture.solvers.nlp", "robots.files.tree", "collision.links.robot_links",
+             "report.text")  # fmt: skip
+    libraries = ("matplotlib", "scipy", "pinocchio", "coal", "rich", "numpy.ma")
+    names = [*libraries, *(f"copose.{room}" for room in rooms)]
     code = (
         "import sys; from copose.commands.command_line import main\n"
         "import copose.commands.posture as posture\n"
         "posture.write_answer = lambda *given: None\n"
-        "main(['solve', 'p.toml'])\n"
+        "main(['solve', 'p.toml', '--quiet'])\n"
         f"print([m for m in {names} if m in sys.modules])"
     )
     answer = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert answer.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_process_on_its_way_out_looks_for_no_garbage() -> None:
+    code = "import gc; from copose.__main__ import run; run(); print(gc.get_freeze_count() > 1000)"
+    answer = subprocess.run(
+        [sys.executable, "-c", code, "--version"], capture_output=True, text=True, check=True
+    )
+    assert answer.stdout.splitlines()[-1] == "True"
 
 
 def test_planar_problems_do_not_wait_for_pinocchio(here: Path) -> None:
