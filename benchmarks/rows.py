@@ -250,12 +250,16 @@ def command(amount: Amount) -> Record:
         "import of numpy, casadi and pyplot": ["-c", "import numpy, casadi, matplotlib.pyplot"],
         "import of numpy and casadi": ["-c", "import numpy, casadi"],
     }
+    # Bytecode is kept, as where copose is installed, whatever the shell of this process says.
+    environment = os.environ | {"PYTHONPYCACHEPREFIX": f"{folder}/copose-bytecode"}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
     record: Record = {}
     for name, arguments in calls.items():
+        whole = [sys.executable, *arguments]
         spent = []
         for _ in range(1 + min(5, amount.seeds)):
             before = resource.getrusage(resource.RUSAGE_CHILDREN)
-            subprocess.run([sys.executable, *arguments], check=True, capture_output=True)
+            subprocess.run(whole, env=environment, check=True, capture_output=True)
             after = resource.getrusage(resource.RUSAGE_CHILDREN)
             spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
         record[name] = {"values": [None] * (len(spent) - 1), "seconds": spent[1:]}
