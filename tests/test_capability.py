@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cells import planar, two_pandas
-from copose.capability import RESOLUTIONS, Ellipsoid, log_ball_volume, own_torque_map, torque_map
+from copose.capability import RESOLUTIONS, Ellipsoid, log_ball_volume, torque_map
+from copose.capability.torque_maps import own_torque_map
 from copose.cell.cell import Cell
 from copose.measurement.meter import Meter
 from copose.mechanics import System, object_parameters

@@ -26,17 +26,16 @@ import reference
 from copose.collision import (
     Bodies,
     Carrier,
-    Mesh,
     Placements,
     Primitive,
     Scene,
     Solid,
-    carrier_poses,
-    carriers_of,
     configurations,
 )
+from copose.collision.carriers import carrier_poses, carriers_of
 from copose.collision.distance.segments import Segments, segment_distances
 from copose.collision.scene import possible_pairs
+from copose.collision.shapes.meshes import Mesh
 from copose.errors import InputError
 from copose.mechanics.chain import Chain
 from copose.poses import Pose

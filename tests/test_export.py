@@ -20,7 +20,8 @@ from cells import planar, tables, toml
 from copose import InputError
 from copose.commands.command_line import main
 from copose.commands.export_file import TO
-from copose.formats import FORMATS, exported_text
+from copose.formats import exported_text
+from copose.formats.registry import FORMATS
 from copose.results import Motion, Solution, read_result, to_json
 from copose.robots.files.file_paths import resolve
 from test_motion_report import made, nowhere

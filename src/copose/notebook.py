@@ -13,7 +13,7 @@ from copose.errors import InputError
 from copose.motion import described
 from copose.posture.inspection import check
 from copose.problem import Problem
-from copose.report import figure, saved, starts_figure
+from copose.report.figures.files import figure, saved, starts_figure
 from copose.report.text import chains, motion_table, solution_table
 from copose.results import Motion, Solution
 

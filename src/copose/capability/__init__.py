@@ -1,11 +1,6 @@
 """Capability of torques: ellipsoids as expressions and as values, extremes within limits."""
 
-from copose.capability.companions import (
-    ClosedChainVelocity,
-    ExternalForce,
-    internal_force_factor,
-    polar,
-)
+from copose.capability.companions import ClosedChainVelocity, ExternalForce
 from copose.capability.ellipsoid import Ellipsoid, log_ball_volume
 from copose.capability.exact_set import ExactSet
 from copose.capability.reach import HoldingTorque, TorqueReach
@@ -15,7 +10,6 @@ from copose.capability.torque_maps import (
     Resolution,
     forward_dynamics,
     log_det,
-    own_torque_map,
     torque_map,
 )
 
@@ -31,11 +25,8 @@ __all__ = [
     "Sums",
     "TorqueReach",
     "forward_dynamics",
-    "internal_force_factor",
     "log_ball_volume",
     "log_det",
-    "own_torque_map",
-    "polar",
     "symmetric",
     "torque_map",
     "upper_triangle",

@@ -6,13 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from copose.capability import (
-    ClosedChainVelocity,
-    Ellipsoid,
-    ExternalForce,
-    internal_force_factor,
-    polar,
-)
+from copose.capability import ClosedChainVelocity, Ellipsoid, ExternalForce
+from copose.capability.companions import internal_force_factor, polar
 from copose.cell.cell import Cell
 from copose.cell.functions import PostureFunctions, ellipsoid_of, sliced
 from copose.poses import Array

@@ -5,11 +5,8 @@ from copose.report.figures.files import (
     draw,
     draw_comparison,
     draw_start,
-    figure,
     motion_animation,
     picture,
-    saved,
-    starts_figure,
 )
 from copose.report.panels import compare
 
@@ -19,9 +16,6 @@ __all__ = [
     "draw",
     "draw_comparison",
     "draw_start",
-    "figure",
     "motion_animation",
     "picture",
-    "saved",
-    "starts_figure",
 ]

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from copose.collision import Carrier, Part, UnreadableError
+from copose.collision import Carrier, Part
 from copose.collision import link_looks as shapes_of_links
+from copose.collision.shapes.mesh_files import UnreadableError
 from copose.errors import InputError
 from copose.poses import Array, Pose
 from copose.problem import Problem
