@@ -25,7 +25,7 @@ class Kernel:
 
     def __init__(self, x: ca.SX, p: ca.SX, y: ca.SX) -> None:
         """The kernel of an expression y, (ny,), of symbols x, (nx,), and p, (np,)."""
-        self._expressions = [x, p], [ca.densify(ca.vec(y))]
+        self._expressions = [x, p], [ca.cse(ca.densify(ca.vec(y)))]
         self._function = ca.Function("kernel", *self._expressions)
         self._nx, self._np, self._ny = x.numel(), p.numel(), y.numel()
         self._evaluate: Callable[..., None] | None = None

@@ -13,8 +13,13 @@ from copose.robots import Arm, Joint
 
 
 def constant(values: Array) -> ca.SX:
-    """An expression of numbers in which exact zeros cost nothing."""
-    return ca.SX(ca.sparsify(ca.DM(values)))
+    """An expression of numbers in which zeros and ones cost nothing.
+
+    A right angle in radians leaves entries like 6e-17 in a rotation: these count as zero.
+    """
+    whole = np.rint(values)
+    rounded = np.abs(values - whole) <= 1e-15 * min(1.0, np.abs(values).max())
+    return ca.SX(ca.sparsify(ca.DM(np.where(rounded, whole, values))))
 
 
 def multiply_quaternions(a: ca.SX, b: ca.SX) -> ca.SX:
@@ -42,8 +47,7 @@ class Frame:
     @classmethod
     def at(cls, pose: Pose) -> Frame:
         """The constant frame of a pose."""
-        quaternion = ca.SX(ca.DM(pose.quaternion))
-        return cls(constant(pose.position), constant(pose.rotation), quaternion)
+        return cls(*map(constant, (pose.position, pose.rotation, pose.quaternion)))
 
     @classmethod
     def free(cls, name: str) -> tuple[Frame, ca.SX]:
@@ -62,7 +66,7 @@ class Frame:
         return Frame(
             self.position + self.rotation @ constant(pose.position),
             self.rotation @ constant(pose.rotation),
-            multiply_quaternions(self.quaternion, ca.SX(ca.DM(pose.quaternion))),
+            multiply_quaternions(self.quaternion, constant(pose.quaternion)),
         )
 
 
@@ -109,8 +113,10 @@ def _turned(frame: Frame, joint: Joint, q: ca.SX) -> Frame:
         return Frame(frame.position + shift, frame.rotation, frame.quaternion)
     along = np.outer(joint.axis, joint.axis)
     across, turned = np.eye(3) - along, skew(joint.axis)
-    turn = constant(along) + constant(across) * ca.cos(q) + constant(turned) * ca.sin(q)
-    half = ca.vertcat(ca.cos(q / 2), ca.SX(ca.DM(joint.axis)) * ca.sin(q / 2))
+    # The sines of half the angle serve both: these are most of what a closure costs.
+    c, s = ca.cos(q / 2), ca.sin(q / 2)
+    turn = constant(along) + constant(across) * (1 - 2 * s**2) + constant(turned) * (2 * c * s)
+    half = ca.vertcat(c, constant(joint.axis) * s)
     return Frame(
         frame.position, frame.rotation @ turn, multiply_quaternions(frame.quaternion, half)
     )
