@@ -28,7 +28,6 @@ from copose.self_motion.projection import CLOSED, project
 class SamplingOptions:
     """Sampling of closed postures, and the search for misses where none closes."""
 
-    seed_postures: int = 8  # of which the first that stays within limits is the seed's
     same: float = 1e-6  # difference of joints that are the same, rad or m
     hopeless: int = 1  # number of the batch after which misses are looked for if nothing has closed
     missing_batch: int = 128  # random postures projected at a time where none closes
@@ -158,7 +157,7 @@ class _Growing:
 
     sampler: ArmSampler
     rng: np.random.Generator  # draws postures
-    first: Array  # the posture that the seed gives, once there is one, (1, n)
+    first: Array  # the first closed posture within limits, once there is one, (1, n)
     points: Array  # postures so far, where they are not those of loops, (count, n)
     missed: Array  # see `ArmSample`; ``tried`` alike
     tried: int = 0
@@ -184,16 +183,14 @@ class _Growing:
         self.tried += drawn
         return q if len(q) else None
 
-    def inside(self, q: Array) -> Array:
-        """Closed postures, of (count, n), of which the first may be the seed's."""
-        if len(self.first):
-            return q[:0]
-        cell, i, options = self.sampler.cell, self.sampler.i, self.sampler.options
-        return np.asarray(q[cell.beyond(i, q) <= 0][: options.seed_postures])
+    def begin(self, q: Array) -> None:
+        """Take the first of closed postures, (count, n), that is within limits."""
+        if not len(self.first):
+            self.first = q[self.sampler.cell.beyond(self.sampler.i, q) <= 0][:1]
 
     def sample(self, points: Array, branches: int | None, most: int, insistence: int) -> ArmSample:
-        """The sample, of points within limits, (count, n)."""
-        sampler, first = self.sampler, self.first
+        """The sample, of points within limits, (count, n), the seed's before all others."""
+        sampler, first, points = self.sampler, points[:1], points[1:]
         start = sampler.cell.arms[sampler.i].start
         if start is not None:
             points = np.vstack([*kept([sampler], [start[None]]), points])
@@ -235,12 +232,18 @@ def _grown(
     loops = Loops(arms[0].cell, kernels, [sampler.i for sampler in arms], goals)
     _grow(growing, loops, batch, batches, most, insistence)
     if kernels.n - kernels.m > 1:
-        return [each.sample(each.points, None, most, insistence) for each in growing]
+        begun = kept(arms, [each.first for each in growing])
+        return [
+            each.sample(np.vstack([first, each.points]), None, most, insistence)
+            for each, first in zip(growing, begun, strict=True)
+        ]
     for k, sampler in enumerate(arms):
         sliced = sampler.sliced if sampler.complete else np.zeros((0, kernels.n))
         if len(sliced):
             loops.add(sliced, np.full(len(sliced), k))
-    every = [loops.points[loops.arms == k] for k in range(len(growing))]
+    every = [
+        np.vstack([each.first, loops.points[loops.arms == k]]) for k, each in enumerate(growing)
+    ]
     points = kept(arms, every, 2 * loops.options.spacing)
     return [
         each.sample(points[k], loops.count(k), most, insistence) for k, each in enumerate(growing)
@@ -269,10 +272,8 @@ def _grow(
                 own = growing[k]
                 own.points = np.vstack([own.points, *kept([own.sampler], [part])])
                 more[k] = len(own.points) < most
-        inside = [growing[k].inside(part) for k, part in closed.items()]
-        first = kept([growing[k].sampler for k in going], inside, 0.0)
-        for k, part in zip(going, first, strict=True):
-            growing[k].first = np.vstack([growing[k].first, part])[:1]
+        for k, part in closed.items():
+            growing[k].begin(part)
         going = [k for k in going if more[k]]
         if not going:
             break
@@ -311,11 +312,12 @@ def kept(
     for sampler, q, closed, beside in zip(
         samplers, np.split(ends, edges), np.split(gaps < CLOSED, edges), moved, strict=True
     ):
-        # Points beyond a limit often end in the same corner.
         at_limit = np.flatnonzero(closed & beside)
-        places = cell.embedded(sampler.i, q[at_limit]).round(6)
-        once = np.unique(places, axis=0, return_index=True)[1]
-        closed[np.delete(at_limit, once)] = False
+        if len(at_limit) > 1:
+            # Points beyond a limit often end in the same corner.
+            places = cell.embedded(sampler.i, q[at_limit]).round(6)
+            once = np.unique(places, axis=0, return_index=True)[1]
+            closed[np.delete(at_limit, once)] = False
         within.append(q[closed])
     return within
 

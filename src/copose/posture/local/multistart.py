@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from copose.cell.cell import Cell
-from copose.poses import Array, Mask
+from copose.poses import Array, Indices, Mask
 from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum, LocalSolve
 from copose.posture.setting import Setting
@@ -258,13 +258,14 @@ def differing(
         known: postures, (known, N), that are not chosen again.
     """
 
-    def near(posture: Array) -> Mask:
-        return ~(cell.distances(q, posture) > least)
+    def near(posture: Array, free: Mask) -> Indices:
+        rows = np.flatnonzero(free)
+        return rows[~(cell.distances(q[rows], posture) > least)]
 
     free = np.ones(len(q), dtype=bool)
     for posture in () if known is None else known:
-        free[near(posture)] = False
-    return far_apart_rows(free, lambda row, _: near(q[row]), most)
+        free[near(posture, free)] = False
+    return far_apart_rows(free, lambda row, free: near(q[row], free), most)
 
 
 def gathered(cell: Cell, ends: Sequence[LocalOptimum], same: SameOptimum) -> list[LocalOptimum]:

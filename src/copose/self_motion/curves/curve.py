@@ -25,7 +25,6 @@ class TracingOptions:
     straight: float = 0.9  # least cosine between the tangents at both ends of a step
     very_straight: float = 0.985  # cosine from which the next step may be longer
     aside: float = 0.4  # distance of a step's end from the tangent, over its length, at most
-    oriented: bool = True  # whether det [J; tᵀ] has to keep its sign
     same: float = 1e-5  # difference of joints that are the same
     # Difference of the tangents of two fronts from those of an arc between them, up to which they
     # meet without a step.

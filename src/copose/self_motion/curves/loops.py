@@ -28,7 +28,7 @@ class LoopOptions:
     """Distances along loops; norms of differences of joints, rad (or m)."""
 
     spacing: float = 0.2  # of points within limits or near them
-    widest: float = 0.6  # of points beyond
+    widest: float = 1.0  # of points beyond
     closed: float = 1e-6  # residual of postures from which loops are traced, m or rad
     projections: int = 25  # steps that close random postures
     same: float = 1e-4  # distance of postures that are the same
@@ -37,8 +37,8 @@ class LoopOptions:
     thinned: float = 0.8  # of the spacing: nearer postures start no loop of their own
     tracing: TracingOptions = field(
         default_factory=lambda: TracingOptions(
-            first=1.0, shortest=0.2 / 32, growth=2.0, steps=120, closed=1e-6, straight=0.8,
-            very_straight=0.8, aside=0.3, oriented=False, same=1e-3, arc=0.1,
+            first=1.0, shortest=0.2 / 32, growth=2.0, steps=120, closed=1e-6, straight=0.6,
+            very_straight=0.6, aside=0.5, same=1e-3, arc=0.1, room=5.0,
         )
     )  # fmt: skip
 

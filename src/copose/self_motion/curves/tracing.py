@@ -95,6 +95,7 @@ class Fronts:
         self.q, self._tangent = q[self.seeds], np.vstack([tangent, -tangent])
         # Those of two groups are farther apart than steps go.
         self._places = np.hstack([self.manifold.embedded(self.q), 10.0 * groups[self.seeds, None]])
+        self._square = (self._places**2).sum(axis=1)
         self._det, self._bend = np.concatenate([det, -det]), np.zeros((2 * k, n))
         self._length = options.first * self._most(self.q, self.seeds)
         self.going, self.stops = sound[self.seeds], np.full(2 * k, -1)
@@ -170,17 +171,17 @@ class Fronts:
         each, and distances along the steps of the first at which they pass the partners.
         """
         rows = self.going.nonzero()[0]
-        t, length, places, own = self._tangent, self._length, self._places, self._places[rows]
-        square = (places**2).sum(axis=1)
-        apart = square - 2 * own @ places.T
-        apart += square[rows, None]
-        row, other = (apart < (length[rows].max() + length.max()) ** 2).nonzero()
+        t, length, places, square = self._tangent, self._length, self._places, self._square
+        likeness = (2 * places[rows]) @ places.T
+        likeness -= square
+        least = square[rows] - (length[rows].max() + length.max()) ** 2
+        row, other = divmod((likeness > least[:, None]).ravel().nonzero()[0], len(places))
         one = rows[row]
-        near = apart[row, other] < (length[one] + length[other]) ** 2
+        near = likeness[row, other] > square[one] - (length[one] + length[other]) ** 2
         # Of two that go on each sees the other.
         near &= (one < other) | ~self.going[other]
         one, other = one[near], other[near]
-        facing = (t[one] * t[other]).sum(axis=1) < 0
+        facing = np.einsum("ij,ij->i", t[one], t[other]) < 0
         one, other = one[facing], other[facing]
         if not len(one):
             return one, other, np.zeros(0)
@@ -247,11 +248,8 @@ class Fronts:
         """
         options, q, t = self.options, self.q[rows], self._tangent[rows]
         step = manifold.step(q, t, length, self._bend[rows], options.closed)
-        before = self._det[rows]
-        det, good = before, step.closed & (step.cosine > options.straight)
-        if options.oriented:
-            det = step.orientation
-            good &= det * before > 0
+        det = step.orientation
+        good = step.closed & (step.cosine > options.straight) & (det * self._det[rows] > 0)
         aside = step.q - q - length[:, None] * t
         good &= (aside**2).sum(axis=1) < (options.aside * length + options.touching) ** 2
         if self._limited:
@@ -277,13 +275,13 @@ class Fronts:
         self._bend[rows] = (step.tangent - self._tangent[rows]) / length[:, None]
         self.q[rows], self._tangent[rows] = step.q, step.tangent
         self._places[rows, :-1] = manifold.embedded(step.q)
+        self._square[rows] = (self._places[rows] ** 2).sum(axis=1)
         longer = np.where(step.cosine > options.very_straight, options.growth * planned, planned)
         longer = np.minimum(longer, self._most(step.q, self.seeds[rows]))
-        if options.oriented:
-            # Where curves meet det vanishes: what would pass such a place has to come up to it.
-            falling = np.maximum(1.0 - det / self._det[rows], 1e-9)
-            longer = np.minimum(longer, options.room * length * (1.0 - falling) / falling)
-            self._det[rows] = det
+        # Where curves meet det vanishes: what would pass such a place has to come up to it.
+        falling = np.maximum(1.0 - det / self._det[rows], 1e-9)
+        longer = np.minimum(longer, options.room * length * (1.0 - falling) / falling)
+        self._det[rows] = det
         self._shorten(rows, longer)
 
     def _shorten(self, rows: Indices, length: Array) -> None:
