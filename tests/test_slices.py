@@ -146,5 +146,5 @@ def test_a_spherical_shoulder_and_wrist_are_refused() -> None:
         straight.append(replace(joint, placement=pose, axis=np.array([0.0, 0.0, 1.0])))
     special = replace(arm, joints=tuple(straight))
     kernels = ArmKernels.of(ArmMechanics.of(special, cell.system.space), cell.resolution)
-    few = SliceOptions(tested=6)
+    few = SliceOptions(tested=12)
     assert "spherical" in SlicedArm(special, kernels, cell.system.space, few).fault

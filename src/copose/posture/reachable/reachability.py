@@ -8,7 +8,7 @@ ends alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,7 @@ from copose.posture.reachable.components import isolated, known_if, manifold_of,
 from copose.posture.reachable.coordination import CoordinationGrid, CurveNodes, one_after_another
 from copose.posture.setting import Setting
 from copose.self_motion.curves.curve import Curve, TracingOptions
-from copose.self_motion.curves.tracing import follow
+from copose.self_motion.curves.tracing import connections, follow
 from copose.self_motion.manifold import ClosureManifold
 from copose.self_motion.sampling import thinned
 from copose.self_motion.walks import connected, walk
@@ -81,17 +81,19 @@ def reachable(
             groups.setdefault(model.arms[i], []).append(i)
     for arms in groups.values():
         manifold = manifold_of(model, setting, arms)
-        targets = np.array([end[i] for i in arms])
-        q = np.array([start[i] for i in arms])
-        # Where targets alone count steps may be longer.
-        long_steps = TracingOptions(longest=0.4)
-        traced = follow(manifold, q) if clear else follow(manifold, q, targets, long_steps)
-        for i, curve in zip(arms, traced, strict=True):
-            curves[i] = curve
-            if known[i] is None:
-                met = curve.place(end[i]) is not None if clear else curve.met
-                known[i] = True if met else known_if(curve.complete)
-                why[i] = _stopped(cell, i, curve)
+        q, others = (np.array([both[i] for i in arms]) for both in (start, end))
+        if clear:
+            for i, curve in zip(arms, follow(manifold, q), strict=True):
+                curves[i] = curve
+                if known[i] is None:
+                    met = curve.place(end[i]) is not None
+                    known[i] = True if met else known_if(curve.complete)
+                    why[i] = _stopped(cell, i, curve.stops)
+            continue
+        # Where no curve is kept steps may be longer.
+        connected = connections(manifold, q, others, TracingOptions(longest=0.4))
+        for i, (known[i], stops) in zip(arms, connected, strict=True):
+            why[i] = _stopped(cell, i, stops)
     if False in known:
         stopped = [f"arm {cell.arms[i].name!r}: {why[i]}" for i in range(K) if known[i] is False]
         return Reached(False, tuple(stopped))
@@ -157,10 +159,10 @@ def _explored(
     return (True if connected(manifold, nodes, only=1)[1] else None), None
 
 
-def _stopped(cell: Cell, i: int, curve: Curve) -> str:
-    """The reason why a traced self-motion of arm i ends, in words."""
+def _stopped(cell: Cell, i: int, joints: Iterable[int]) -> str:
+    """The reason why a traced self-motion of arm i ends, by joints whose limits stop it, in words."""
     names = cell.arms[i].joint_names
-    stops = [repr(names[j]) for j in dict.fromkeys(curve.stops)]
+    stops = [repr(names[j]) for j in dict.fromkeys(joints)]
     if not stops:
         return "its self-motion comes back to the start before"
     limits = "a limit" if len(stops) == 1 else "limits"

@@ -46,7 +46,6 @@ class Curve:
     tangents: Array  # there, (count, n)
     loop: bool  # whether the last is followed by the first
     complete: bool  # whether both ends are at limits, or it is a loop
-    met: bool  # whether the target, if any, was met, which ends the search
     stops: tuple[int, ...]  # numbers of the joints whose limits end it
     manifold: ClosureManifold  # of the arm, (1, n)
     options: TracingOptions = TracingOptions()  # by which it was traced

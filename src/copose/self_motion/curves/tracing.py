@@ -7,7 +7,8 @@ tangent and back onto the curve in the plane across it, and counts only if it is
 det [J; tᵀ], t the tangent, keeps its sign: another curve nearby has the other one. Where curves
 meet det vanishes, and there a front ends. Two fronts that face each other on one curve meet.
 
-`follow` traces each curve by itself, up to limits; `Loops` covers all self-motions of an arm by
+`follow` traces each curve by itself, up to limits; `connections` tells which postures are on one
+curve; `Loops` covers all self-motions of an arm by
 points, limits aside: its fronts meet whichever comes along.
 """
 
@@ -24,25 +25,52 @@ from copose.self_motion.projection import CLOSED
 
 
 def follow(
-    manifold: ClosureManifold,
-    q: Array,
-    targets: Array | None = None,
-    options: TracingOptions | None = None,
+    manifold: ClosureManifold, q: Array, options: TracingOptions | None = None
 ) -> list[Curve]:
     """The self-motions through closed postures, one of each arm.
 
     Args:
         manifold: of the arms.
         q: their postures, (k, n).
-        targets: postures, (k, n), at which the trace ends; ends of curves are then not refined.
         options: step lengths and tolerances.
     """
-    each = np.arange(len(q))
-    fronts = Fronts(manifold, q, options or TracingOptions(), groups=each, targets=targets)
+    fronts = Fronts(manifold, q, options or TracingOptions(), groups=np.arange(len(q)))
     while fronts.advance():
         pass
-    ends = fronts.ends() if targets is None else {}
+    ends = fronts.ends()
     return [_curve(fronts, k, ends) for k in range(len(q))]
+
+
+def connections(
+    manifold: ClosureManifold, q: Array, others: Array, options: TracingOptions
+) -> list[tuple[bool | None, Indices]]:
+    """For each arm, whether a self-motion connects two closed postures, traced from both, None
+    where the traces do not tell; and the joints whose limits stop that through the first.
+
+    Args:
+        manifold: of the arms.
+        q: a posture of each, (k, n).
+        others: another, alike.
+        options: step lengths and tolerances.
+    """
+    k = len(q)
+    arms, met = np.arange(k), np.zeros(k, dtype=bool)
+    # From beyond limits a trace may come within, but none goes back there.
+    within = (manifold.excess(others, q) <= options.same).all(axis=1)
+    groups = np.concatenate([arms, np.where(within, arms, k + arms)])
+    fronts = Fronts(
+        manifold.taken(np.tile(arms, 2)), np.vstack([q, others]), options, groups=groups
+    )
+    while fronts.advance():
+        met[[one % k for one, other in fronts.meetings if one != other]] = True
+        fronts.going &= ~met[fronts.seeds % k]
+    stops = fronts.stops.reshape(2, 2, k)  # of both ways, from both postures
+    whole = fronts.loops.reshape(2, k) | (stops >= 0).all(axis=0)
+    whole = whole[0] | (whole[1] & within)
+    return [
+        (True if met[i] else False if whole[i] else None, stops[stops[:, 0, i] >= 0, 0, i])
+        for i in range(k)
+    ]
 
 
 class Fronts:
@@ -53,7 +81,6 @@ class Fronts:
         seeds: number of the seed of each, (2k,).
         meetings: pairs of seeds that are on one curve.
         loops: seeds whose fronts have met, (k,).
-        met: seeds whose targets have been met, (k,).
         stops: number of the joint whose limit stops each front, −1 where none does, (2k,).
         q: where they are, (2k, n).
         manifold: of their arms.
@@ -68,7 +95,6 @@ class Fronts:
         options: TracingOptions,
         *,
         groups: Indices,
-        targets: Array | None = None,
         longest: Callable[[Array, Indices], Array] | None = None,
     ) -> None:
         """Fronts at closed postures.
@@ -78,18 +104,18 @@ class Fronts:
             q: the postures, (k, n).
             options: step lengths and tolerances.
             groups: number of the group of each seed, (k,): only fronts of one group meet.
-            targets: postures that end the traces of seeds, (k, n).
             longest: lengths of steps, (count,), at postures of seeds by number, at most; else that
                 of the options.
         """
         k, n = q.shape
-        self.options, self._targets, self._longest = options, targets, longest
+        self.options, self._longest = options, longest
         self.seeds = np.tile(np.arange(k), 2)
         self.manifold, self.meetings = manifold.taken(self.seeds), list[tuple[int, int]]()
-        _, J = manifold.kernels.residual(q, manifold.goals)
+        residual, J = manifold.kernels.residual(q, manifold.goals)
         tangent = null_vectors(J)
         det = np.linalg.det(np.concatenate([J, tangent[:, None]], axis=1))
-        sound = (
+        sound = np.linalg.norm(residual, axis=1) <= max(CLOSED, options.closed)
+        sound &= (
             np.abs(det) > options.singular * np.sqrt((J**2).sum(axis=(1, 2))) ** manifold.kernels.m
         )
         self.q, self._tangent = q[self.seeds], np.vstack([tangent, -tangent])
@@ -99,7 +125,7 @@ class Fronts:
         self._det, self._bend = np.concatenate([det, -det]), np.zeros((2 * k, n))
         self._length = options.first * self._most(self.q, self.seeds)
         self.going, self.stops = sound[self.seeds], np.full(2 * k, -1)
-        self.loops, self.met = np.zeros(k, dtype=bool), np.zeros(k, dtype=bool)
+        self.loops = np.zeros(k, dtype=bool)
         self.trail = [(np.arange(k), q, tangent, self._length[:k])]
         self._limited = bool((np.isfinite(manifold.lower) | np.isfinite(manifold.upper)).any())
         self._left = options.steps
@@ -121,11 +147,8 @@ class Fronts:
             self._shorten(rows[~on], shorter[~on])
         aimed = (on & (partners != rows)).nonzero()[0]
         if len(aimed):
-            aims = self.q[partners[aimed]]
-            if self._targets is not None:
-                target = partners[aimed] < 0
-                aims[target] = self._targets[self.seeds[rows[aimed[target]]]]
-            missed = np.abs(manifold.taken(aimed).wrapped(step.q[aimed] - aims)).max(axis=1)
+            offset = step.q[aimed] - self.q[partners[aimed]]
+            missed = np.abs(manifold.taken(aimed).wrapped(offset)).max(axis=1)
             met = aimed[missed < self.options.same]
             on[met] = False
             self._meet(rows[met], partners[met])
@@ -142,20 +165,12 @@ class Fronts:
 
     def _next(self) -> tuple[Indices, Array, Indices]:
         """The next steps: fronts that need not wait, lengths, and the fronts that end steps which
-        would pass them, −1 for a target, themselves for none.
+        would pass them, themselves for none.
 
         Of two fronts that may pass each other in their next steps only one goes on.
         """
         count, length, reach = len(self.q), self._length.copy(), self._length + self.options.same
         partners = np.arange(count)
-        if self._targets is not None:
-            targets = self._targets[self.seeds]
-            ahead = self._ahead(partners, targets)[2]
-            # A step that ends beyond a limit may pass a target on the far side.
-            within = (self.manifold.excess(targets, self.q) <= self.options.same).all(axis=1)
-            near = within & (ahead <= reach)
-            length[near] = reach[near] = ahead[near]
-            partners[near] = -1
         one, other, ahead = self._facing()
         going = self.going.copy()
         going[other] = False
@@ -257,14 +272,11 @@ class Fronts:
         return step, det, np.where(good, length, length / 2)
 
     def _meet(self, rows: Indices, partners: Indices) -> None:
-        """Stop fronts, (k,), at partners, or at their targets where these are −1."""
-        one, target = self.seeds[rows], partners < 0
-        self.met[one[target]] = True
-        self.going &= ~self.met[self.seeds]
-        other = self.seeds[partners]
-        self.loops[one[(one == other) & ~target]] = True
-        self.going[rows] = self.going[partners[~target]] = False
-        self.meetings += zip(one[~target].tolist(), other[~target].tolist(), strict=True)
+        """Stop fronts, (k,), at partners."""
+        one, other = self.seeds[rows], self.seeds[partners]
+        self.loops[one[one == other]] = True
+        self.going[rows] = self.going[partners] = False
+        self.meetings += zip(one.tolist(), other.tolist(), strict=True)
 
     def _move(
         self, manifold: ClosureManifold, rows: Indices, step: CurveStep, length: Array, det: Array
@@ -329,7 +341,6 @@ def _curve(fronts: Fronts, seed: int, ends: dict[int, tuple[Array, Array]]) -> C
         tangents=tangents,
         loop=loop,
         complete=loop or bool((stops >= 0).all()),
-        met=bool(fronts.met[seed]),
         stops=tuple(int(stop) for stop in stops if stop >= 0),
         manifold=fronts.manifold.taken(np.array([seed])),
         options=fronts.options,
