@@ -49,6 +49,9 @@ class ArmKernels:
     # Of (q, weights), a goal and a tie: the terms, the derivative of the closure row by row, and
     # ∇_q of weightsᵀ terms, (s + m·n + n,).
     local: Kernel
+    # With one degree of freedom to spare, of (q, weights, mask of held joints), a goal and a tie:
+    # see `ChainTangent`.
+    line: Kernel | None
 
     @classmethod
     def of(
@@ -64,7 +67,7 @@ class ArmKernels:
         tied, terms = _terms(arm, sums)
         weights = ca.SX.sym("weights", terms.numel())
         slope = ca.gradient(ca.dot(weights, terms), q)
-        limits = ca.vertcat(lower, upper)
+        limits, held = ca.vertcat(lower, upper), ca.SX.sym("held", n)
         look = ca.Function("residual", [q, place], [residual, J])
         end = q
         for _ in range(options.steps):
@@ -85,13 +88,21 @@ class ArmKernels:
                 ca.vertcat(place, tied),
                 ca.vertcat(terms, ca.vec(J.T), slope),
             ),
+            line=Kernel(
+                ca.vertcat(q, weights, held),
+                ca.vertcat(place, tied),
+                _along_line(q, held, residual, terms, weights),
+            )
+            if n == m + 1
+            else None,
         )
 
     @property
     def all(self) -> tuple[Kernel, ...]:
         """Every kernel, the most used first."""
         correcting = () if self.correcting is None else (self.correcting,)
-        return self.closing, *correcting, self.closure, self.terms, self.local, self.gap
+        line = () if self.line is None else (self.line,)
+        return self.closing, *correcting, self.closure, self.terms, *line, self.local, self.gap
 
     def residual(self, q: Array, goal: Array) -> tuple[Array, Array]:
         """Closure at q, (count, n): residuals, (count, m), and derivatives, (count, m, n)."""
@@ -164,6 +175,42 @@ def _correcting(q: ca.SX, place: ca.SX, look: ca.Function, options: ClosingOptio
     cosine = ca.norm_2(ahead)
     values = ca.vertcat(end, ahead / cosine, cosine, ca.norm_2(residual), ca.vec(J.T))
     return Kernel(ca.vertcat(q, tangent), place, values)
+
+
+def _along_line(q: ca.SX, held: ca.SX, residual: ca.SX, terms: ca.SX, weights: ca.SX) -> ca.SX:
+    """All that a Newton step along a self-motion takes, see `ArmKernels.line`.
+
+    Tangent and multipliers are by Householder reflections of Jᵀ without held joints, the rest by
+    derivatives along the tangent.
+    """
+    m, n = residual.numel(), q.numel()
+    J, slope = ca.jacobian(residual, q), ca.gradient(ca.dot(weights, terms), q)
+    R = J.T * ca.repmat(1 - held, 1, m)
+    along, t, reflections = slope, ca.SX.eye(n)[:, -1], list[ca.SX]()
+    for k in range(m):
+        size, first = ca.norm_2(R[k:, k]), R[k, k]
+        v = ca.vertcat(ca.SX(k, 1), first + ca.if_else(first < 0, -size, size), R[k + 1 :, k])
+        v *= ca.sqrt(2 / ca.fmax(ca.sumsqr(v), 1e-300))
+        R, along = R - v @ (v.T @ R), along - v * ca.dot(v, along)
+        reflections.append(v)
+    for v in reversed(reflections):
+        t -= v * ca.dot(v, t)
+    R, size = ca.triu(R[:m, :]), ca.fabs(ca.diag(R[:m, :]))
+    t, multipliers = t * (1 - ca.mmax(held)), ca.solve(R, along[:m])
+    # Second derivatives along t alone, of the Lagrangian with these multipliers.
+    step, ahead, forces = ca.SX.sym("step"), ca.SX.sym("ahead", n), ca.SX.sym("forces", m)
+    change, turn = (
+        ca.jacobian(ca.substitute(part, q, q + step * ahead), step) for part in (terms, residual)
+    )
+    bend = ca.dot(weights, ca.jacobian(change, step)) - ca.dot(forces, ca.jacobian(turn, step))
+    there = ca.substitute(
+        ca.vertcat(change, bend),
+        ca.vertcat(step, ahead, forces), ca.vertcat(0, t, multipliers),
+    )  # fmt: skip
+    left = slope - J.T @ multipliers
+    return ca.vertcat(
+        t, multipliers, left, slope, there, ca.mmin(size) / ca.mmax(size), ca.vec(J.T)
+    )
 
 
 def _damped_step(residual: ca.SX, J: ca.SX, options: ClosingOptions) -> ca.SX:

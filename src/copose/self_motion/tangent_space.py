@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
 from copose.poses import Array, Indices, Mask
+from copose.self_motion.kernels import ArmKernels
 
 _RANK = 1e-9  # ratio of a singular value to the largest that counts as zero
 _DOUBT = 1e-6  # ratio of diagonal entries of R below which singular values tell the rank
@@ -16,6 +18,7 @@ _DOUBT = 1e-6  # ratio of diagonal entries of R below which singular values tell
 class Tangent:
     """Tangent spaces of the closed postures of arms, with multipliers of closure and limits."""
 
+    by_row: ClassVar = ("J", "slope", "held", "basis", "forces", "left")
     J: Array  # derivative of the closure, (count, m, n)
     slope: Array  # gradient of the objective, (count, n)
     held: Mask  # joints held at a limit, (count, n)
@@ -60,21 +63,87 @@ class Tangent:
         """The same with more joints held, (count, n)."""
         return self._with(self.held | more, np.flatnonzero(more.any(axis=1)))
 
-    def _with(self, held: Mask, rows: Indices) -> Tangent:
+    def taken(self, rows: Mask | Indices) -> Self:
+        """The tangent spaces of some arms."""
+        return replace(self, **{name: getattr(self, name)[rows] for name in self.by_row})
+
+    def _with(self, held: Mask, rows: Indices) -> Self:
         """The same with other joints held in some rows."""
         if len(rows) == len(held):
-            return Tangent.of(self.J, self.slope, held)
-        new = Tangent.of(self.J[rows], self.slope[rows], held[rows])
-        basis, forces, left = self.basis.copy(), self.forces.copy(), self.left.copy()
-        basis[rows], forces[rows], left[rows] = new.basis, new.forces, new.left
-        return Tangent(self.J, self.slope, held, basis, forces, left)
+            return self._again(held)
+        return self._put(rows, self.taken(rows)._again(held[rows]))
 
-    def taken(self, rows: Mask) -> Tangent:
-        """The tangent spaces of some arms."""
-        return Tangent(
-            self.J[rows], self.slope[rows], self.held[rows], self.basis[rows], self.forces[rows],
-            self.left[rows],
+    def _put(self, rows: Indices, others: Tangent) -> Self:
+        """The same with others in some rows."""
+        parts = {name: getattr(self, name).copy() for name in self.by_row}
+        for name, values in parts.items():
+            values[rows] = getattr(others, name)
+        return replace(self, **parts)
+
+    def _again(self, held: Mask) -> Tangent:
+        """The tangent spaces with other joints held."""
+        return Tangent.of(self.J, self.slope, held)
+
+
+@dataclass(frozen=True, eq=False)
+class ChainTangent(Tangent):
+    """Tangent spaces of arms whose weighted terms are the objective, and what a Newton step takes
+    along them.
+    """
+
+    by_row: ClassVar = (*Tangent.by_row, "change", "bend", "x", "given")
+    change: Array  # derivatives of the arm's terms along the basis, (count, n − m, s)
+    # Second derivatives along it of weightsᵀ terms − forcesᵀ closure, (count, n − m, n − m).
+    bend: Array
+    kernels: ArmKernels
+    x: Array  # joints and weights of the terms, (count, n + s)
+    given: Array  # goals and ties, (count, …)
+
+    @classmethod
+    def at(cls, kernels: ArmKernels, x: Array, given: Array, held: Mask) -> ChainTangent:
+        """The tangent spaces at joints and weights, (count, n + s): with one degree of freedom to
+        spare by one kernel but where the rank is in doubt, else by differences.
+        """
+        if kernels.line is None:
+            return cls._by_differences(kernels, x, given, held)
+        m, n, s = kernels.m, kernels.n, x.shape[1] - kernels.n
+        edges = np.cumsum([n, m, n, n, s, 1, 1])
+        basis, forces, left, slope, change, bend, sound, J = np.split(
+            kernels.line(np.hstack([x, held]), given), edges, axis=1
+        )
+        one = cls(
+            J.reshape(-1, m, n), slope, held, basis[:, None], forces, left, change[:, None],
+            bend[:, None], kernels, x, given,
         )  # fmt: skip
+        doubtful = np.flatnonzero(~(sound[:, 0] > _DOUBT))
+        if not len(doubtful):
+            return one
+        parts = x[doubtful], given[doubtful], held[doubtful]
+        return one._put(doubtful, cls._by_differences(kernels, *parts))
+
+    @classmethod
+    def _by_differences(
+        cls, kernels: ArmKernels, x: Array, given: Array, held: Mask
+    ) -> ChainTangent:
+        m, n, s, h = kernels.m, kernels.n, x.shape[1] - kernels.n, 1e-6  # rad or m
+        terms, J, slope = np.split(kernels.local(x, given), [s, s + m * n], axis=1)
+        tangent = Tangent.of(J.reshape(-1, m, n), slope, held)
+        count, d, _ = tangent.basis.shape
+        beside = np.repeat(x[:, None], d, axis=1)
+        beside[..., :n] += h * tangent.basis
+        values = kernels.local(beside.reshape(count * d, -1), np.repeat(given, d, axis=0))
+        change, turn, bend = np.split(
+            values.reshape(count, d, -1) - np.hstack([terms, J, slope])[:, None],
+            [s, s + m * n], axis=2,
+        )  # fmt: skip
+        bend -= (tangent.forces[:, None, None] @ turn.reshape(count, d, m, n))[:, :, 0]
+        return cls(
+            tangent.J, slope, held, tangent.basis, tangent.forces, tangent.left, change / h,
+            bend @ tangent.basis.transpose(0, 2, 1) / h, kernels, x, given,
+        )  # fmt: skip
+
+    def _again(self, held: Mask) -> ChainTangent:
+        return self.at(self.kernels, self.x, self.given, held)
 
 
 def _by_reflections(J: Array, slope: Array, held: Mask | None) -> tuple[Array, Array, Mask]:

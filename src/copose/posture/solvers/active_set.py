@@ -136,8 +136,8 @@ class ActiveSet(ABC):
         """Evaluate closed postures by block, with variables that are taken to be stopped."""
 
     @abstractmethod
-    def slopes(self, j: int, point: Iterates) -> tuple[Array, Array]:
-        """Derivatives of closure, (rows, m, n), and value, (rows, n), by a block's variables."""
+    def tangent(self, j: int, point: Iterates, held: Mask) -> Tangent:
+        """The tangent spaces of a block with variables held, (rows, n)."""
 
     @abstractmethod
     def direction(self, point: Iterates, tangents: list[Tangent]) -> list[Array]:
@@ -199,13 +199,13 @@ class ActiveSet(ABC):
     def _tangent(self, j: int, point: Iterates) -> Tangent:
         """The tangent spaces of a block; what gains by leaving its limit is let go."""
         block, q, held = self.blocks[j], point.q[j], point.held[j]
-        J, slope = self.slopes(j, point)
+        shape = (-1, q.shape[2])
         if not held.any():
-            return Tangent.of(J, slope, held.reshape(slope.shape))
+            return self.tangent(j, point, held.reshape(shape))
         above, below = q >= block.upper, q <= block.lower
-        outward = (above.astype(float) - below).reshape(slope.shape)
-        held = (held & (above | below)).reshape(slope.shape)
-        return Tangent.of(J, slope, held).released(outward)
+        outward = (above.astype(float) - below).reshape(shape)
+        held = (held & (above | below)).reshape(shape)
+        return self.tangent(j, point, held).released(outward)
 
     def _taken(self, tangents: list[Tangent], rows: Mask) -> list[Tangent]:
         """The tangent spaces of some starts."""

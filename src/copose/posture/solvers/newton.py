@@ -13,7 +13,7 @@ from copose.posture.score import Score
 from copose.posture.solvers.active_set import ActiveSet, Iterates, Polished, ascent
 from copose.self_motion.kernels import ArmKernels
 from copose.self_motion.projection import CLOSED, project
-from copose.self_motion.tangent_space import Tangent
+from copose.self_motion.tangent_space import ChainTangent, Tangent
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,21 +41,19 @@ class ArmGroup:
         count, k, n = q.shape
         return self.kernels.terms(q.reshape(-1, n), _each(self.ties, count)).reshape(count, k, -1)
 
-    def local(self, q: Array, weights: Array) -> tuple[Array, Array, Array]:
-        """Terms, (rows, s), J, (rows, m, n), and slopes, (rows, n), of the arms of many starts.
+    def tangent(self, q: Array, weights: Array, held: Mask) -> ChainTangent:
+        """The tangent spaces of the arms of many starts, side by side.
 
         Args:
-            q: (count, k, d, n).
+            q: (count, k, n).
             weights: of the terms, (count, s).
+            held: joints that are stopped, (count · k, n).
         """
-        count, k, d, n = q.shape
-        m, s = self.kernels.m, weights.shape[1]
-        x = np.empty((count, k, d, n + s))
-        x[..., :n], x[..., n:] = q, weights[:, None, None]
-        given = self._given if d == 1 else np.repeat(self._given, d, axis=0)
-        values = self.kernels.local(x.reshape(-1, n + s), _each(given, count))
-        J = values[:, s : s + m * n].reshape(-1, m, n)
-        return values[:, :s], J, values[:, s + m * n :]
+        (count, k, n), kernels = q.shape, self.kernels
+        x = np.empty((count, k, n + weights.shape[1]))
+        x[..., :n], x[..., n:] = q, weights[:, None]
+        x, given = x.reshape(count * k, -1), _each(self._given, count)
+        return ChainTangent.at(kernels, x, given, held)
 
     @cached_property
     def _given(self) -> Array:
@@ -89,37 +87,30 @@ class Polisher(ActiveSet):
         return Polished(q, value, np.zeros(len(q)), met, self.options.tolerance)
 
     def point(self, q: list[Array], held: list[Mask]) -> Iterates:
-        """Evaluate closed postures by group; known are sums, the value's slopes by them, terms."""
-        terms = [group.terms(q_group) for group, q_group in zip(self.blocks, q, strict=True)]
+        """Evaluate closed postures by group; known are sums and the value's slopes by them."""
+        terms = (group.terms(q_group) for group, q_group in zip(self.blocks, q, strict=True))
         sums = np.asarray(sum(summands.sum(axis=1) for summands in terms) + self.rest)
         both = self.score.slope(sums, self.given)
-        return Iterates(q, held, both[:, 0].copy(), [sums, both[:, 1:], *terms])
+        return Iterates(q, held, both[:, 0].copy(), [sums, both[:, 1:]])
 
-    def slopes(self, j: int, point: Iterates) -> tuple[Array, Array]:
-        """Derivatives of closure and score by the joints of a group."""
-        return self.blocks[j].local(point.q[j][:, :, None], point.known[1])[1:]
+    def tangent(self, j: int, point: Iterates, held: Mask) -> Tangent:
+        """The tangent spaces of a group."""
+        return self.blocks[j].tangent(point.q[j], point.known[1], held)
 
     @np.errstate(over="ignore", invalid="ignore")
-    def direction(self, point: Iterates, tangents: list[Tangent]) -> list[Array]:
+    def direction(self, point: Iterates, tangents: Sequence[Tangent]) -> list[Array]:
         """A Newton step in the tangent spaces that ascends, by group, (count, k, n).
 
-        Curvature that is beyond all numbers is that of a step along the gradient, see `_ascent`.
+        Curvature that is beyond all numbers is that of a step along the gradient, see `ascent`.
         """
         count, h = len(point.value), self.options.difference
-        sums, slope_by_sums, *known_terms = point.known
+        sums, slope_by_sums = point.known[:2]
         changes, blocks = [], []
-        for j, (group, tangent) in enumerate(zip(self.blocks, tangents, strict=True)):
-            k, (d, n) = len(group.columns), tangent.basis.shape[1:]
-            basis = tangent.basis.reshape(count, k, d, n)
-            displaced = point.q[j][:, :, None] + h * basis
-            terms, J, slope = group.local(displaced, slope_by_sums)
-            J = J.reshape(count * k, d, group.kernels.m, n)
-            bend = slope.reshape(count * k, d, n) - tangent.slope[:, None]
-            bend -= (tangent.forces[:, None, None] @ (J - tangent.J[:, None]))[:, :, 0]
-            curvature = bend @ tangent.basis.transpose(0, 2, 1) / h
-            blocks += list(curvature.reshape(count, k, d, d).swapaxes(0, 1))
-            change = terms.reshape(count, k, d, sums.shape[1]) - known_terms[j][:, :, None]
-            changes.append(change.reshape(count, k * d, sums.shape[1]) / h)
+        for group, tangent in zip(self.blocks, tangents, strict=True):
+            assert isinstance(tangent, ChainTangent)
+            k, d = len(group.columns), tangent.basis.shape[1]
+            blocks += list(tangent.bend.reshape(count, k, d, d).swapaxes(0, 1))
+            changes.append(tangent.change.reshape(count, k * d, -1))
         change = np.concatenate(changes, axis=1)
         free = change.shape[1]
         if free == 0:

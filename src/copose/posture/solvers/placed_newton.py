@@ -162,6 +162,10 @@ class PlacedPolisher(ActiveSet):
             slopes.append(both[:, 1:])
         return Iterates(q, held, value, [np.stack(sums, axis=1), np.stack(slopes, axis=1)])
 
+    def tangent(self, j: int, point: Iterates, held: Mask) -> Tangent:
+        """The tangent spaces of all variables."""
+        return Tangent.of(*self.slopes(j, point), held)
+
     def slopes(self, j: int, point: Iterates) -> tuple[Array, Array]:
         """Derivatives of all closures and of the value by all variables."""
         return self._local(point.q[0][:, 0], point.known[1])[1:]
