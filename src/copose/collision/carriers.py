@@ -92,22 +92,20 @@ def carrier_poses(arms: Sequence[Arm], x: Array) -> Placements:
     (count, size).
     """
     count = len(x)
-    rotations = [np.broadcast_to(np.eye(3), (count, 3, 3)), _rotations(x[:, 3:POSE])]
-    positions = [np.zeros((count, 3)), x[:, :3]]
-    first = POSE
+    frames = np.empty((count, 2 + len(arms) + sum(arm.n for arm in arms), 3, 4))
+    frames[:, 0] = np.eye(3, 4)
+    frames[:, 1, :, :3], frames[:, 1, :, 3] = _rotations(x[:, 3:POSE]), x[:, :3]
+    first, k = POSE, 2
     for arm in arms:
-        position, rotation = x[:, first : first + 3], _rotations(x[:, first + 3 : first + POSE])
-        first += POSE
-        rotations.append(rotation)
-        positions.append(position)
-        turns, shifts = _motions(arm, x[:, first : first + arm.n])
+        root, q = x[:, first : first + POSE], x[:, first + POSE : first + POSE + arm.n]
+        frames[:, k, :, :3], frames[:, k, :, 3] = _rotations(root[:, 3:]), root[:, :3]
+        motions = _motions(arm, q)
         for j in range(arm.n):
-            position = (rotation @ shifts[:, j, :, None])[..., 0] + position
-            rotation = rotation @ turns[:, j]
-            rotations.append(rotation)
-            positions.append(position)
-        first += arm.n
-    return Placements(np.stack(rotations, axis=1), np.stack(positions, axis=1))
+            np.matmul(frames[:, k, :, :3], motions[:, j], out=frames[:, k + 1])
+            frames[:, k + 1, :, 3] += frames[:, k, :, 3]
+            k += 1
+        first, k = first + POSE + arm.n, k + 1
+    return Placements(frames[..., :3], frames[..., 3])
 
 
 def _numbers(pose: Pose) -> Array:
@@ -124,15 +122,16 @@ def _rotations(quaternions: Array) -> Array:
     return np.moveaxis(np.array(rotation_rows([w, x, y, z])), 2, 0)
 
 
-def _motions(arm: Arm, q: Array) -> tuple[Array, Array]:
-    """Poses placement_j · motion_j(q_j) of every joint at positions, (count, n): rotations,
-    (count, n, 3, 3), and positions, (count, n, 3).
+def _motions(arm: Arm, q: Array) -> Array:
+    """Poses placement_j · motion_j(q_j) of every joint at positions, (count, n): rotations beside
+    positions, (count, n, 3, 4).
     """
     turning, axes, along, skew, rotations, positions = _constants(arm)
     angles = np.where(turning, q, 0.0)[..., None, None]
     turns = along + (np.eye(3) - along) * np.cos(angles) + skew * np.sin(angles)
     shifts = axes * np.where(turning, 0.0, q)[..., None]
-    return rotations @ turns, positions + (rotations @ shifts[..., None])[..., 0]
+    moved = positions + (rotations @ shifts[..., None])[..., 0]
+    return np.concatenate([rotations @ turns, moved[..., None]], axis=-1)
 
 
 @lru_cache(maxsize=64)

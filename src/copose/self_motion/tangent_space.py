@@ -131,11 +131,9 @@ class ChainTangent(Tangent):
         count, d, _ = tangent.basis.shape
         beside = np.repeat(x[:, None], d, axis=1)
         beside[..., :n] += h * tangent.basis
-        values = kernels.local(beside.reshape(count * d, -1), np.repeat(given, d, axis=0))
-        change, turn, bend = np.split(
-            values.reshape(count, d, -1) - np.hstack([terms, J, slope])[:, None],
-            [s, s + m * n], axis=2,
-        )  # fmt: skip
+        values = kernels.local(beside.reshape(count * d, n + s), np.repeat(given, d, axis=0))
+        values = values.reshape(count, d, s + m * n + n) - np.hstack([terms, J, slope])[:, None]
+        change, turn, bend = np.split(values, [s, s + m * n], axis=2)
         bend -= (tangent.forces[:, None, None] @ turn.reshape(count, d, m, n))[:, :, 0]
         return cls(
             tangent.J, slope, held, tangent.basis, tangent.forces, tangent.left, change / h,

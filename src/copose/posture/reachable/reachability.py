@@ -91,7 +91,8 @@ def reachable(
                     why[i] = _stopped(cell, i, curve.stops)
             continue
         # Where no curve is kept steps may be longer.
-        connected = connections(manifold, q, others, TracingOptions(longest=0.4))
+        options = TracingOptions(longest=0.6, first=0.7, growth=2.0, very_straight=0.95)
+        connected = connections(manifold, q, others, options)
         for i, (known[i], stops) in zip(arms, connected, strict=True):
             why[i] = _stopped(cell, i, stops)
     if False in known:

@@ -110,7 +110,7 @@ class Polisher(ActiveSet):
             assert isinstance(tangent, ChainTangent)
             k, d = len(group.columns), tangent.basis.shape[1]
             blocks += list(tangent.bend.reshape(count, k, d, d).swapaxes(0, 1))
-            changes.append(tangent.change.reshape(count, k * d, -1))
+            changes.append(tangent.change.reshape(count, k * d, sums.shape[1]))
         change = np.concatenate(changes, axis=1)
         free = change.shape[1]
         if free == 0:

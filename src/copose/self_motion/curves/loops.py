@@ -134,8 +134,10 @@ class Loops:
         square = (places**2).sum(axis=1)
         apart = self.options.thinned * self.options.spacing
         near = square[:, None] + square - 2 * places @ places.T <= apart**2
-        chosen = far_apart_rows(np.ones(len(q), dtype=bool), lambda row, _: near[row])
-        return q[chosen], arms[chosen]
+        # Most have room: only the others have to be taken one by one.
+        kept = near.sum(axis=1) <= 1
+        kept[far_apart_rows(~kept, lambda row, _: near[row])] = True
+        return q[kept], arms[kept]
 
     def _keep_apart(self, q: Array, arms: Indices) -> None:
         """Add isolated postures, each once."""
