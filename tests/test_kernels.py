@@ -15,7 +15,7 @@ import pytest
 import copose
 from cells import planar, two_pandas
 from copose.cell.cell import Cell
-from copose.kernels import Kernel, build, cache
+from copose.kernels import Kernel, build, cache, source
 from copose.problem import parse
 from copose.self_motion.kernels import ArmKernels
 
@@ -70,6 +70,26 @@ def test_kernels_of_an_arm_are_the_same_bits(resolution: str, home: Path) -> Non
     for kernel, expected in zip(kernels.all, before, strict=True):
         again = kernel(*points(kernel, kernel._nx, kernel._np))
         assert np.array_equal(again, expected, equal_nan=True)
+
+
+@needs_compiler
+@pytest.mark.parametrize("lanes", [2, 4, 8])
+def test_vectors_of_any_width_give_the_same_bits(
+    lanes: int, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Compilers make do with narrower vectors than they are told of."""
+    monkeypatch.setattr(source, "_LANES", lanes)
+    x = ca.SX.sym("x", 2)
+    # The register of an angle is used again between its cosine and its sine.
+    y = ca.vertcat(ca.cos(x[0]) * x[1], ca.sin(x[0]), ca.sin(x[0] * x[1]), ca.fmax(x[1], 0.2))
+    for kernel in (small(), Kernel(x, ca.SX(1, 1), y)):
+        inputs = np.random.default_rng(2).normal(size=(2 * lanes + 1, 2))
+        expected = kernel(inputs, np.array([0.3]))
+        # Whatever another width has left in the cache is of another key.
+        monkeypatch.setattr(kernel, "_key", f"{lanes}{kernel.key}"[:32])
+        assert build([kernel], wait=True) and kernel.compiled
+        for count in range(len(inputs) + 1):
+            assert np.array_equal(kernel(inputs[:count], np.array([0.3])), expected[:count])
 
 
 @needs_compiler

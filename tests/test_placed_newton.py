@@ -19,7 +19,8 @@ from copose.posture.search.effort import EFFORTS
 from copose.posture.solvers.active_set import Iterates
 from copose.posture.solvers.placed_newton import PlacedPolisher
 from copose.problem import parse
-from copose.self_motion.tangent_space import Tangent
+from copose.self_motion.kernels import ArmKernels
+from copose.self_motion.tangent_space import ChainTangent, Tangent
 
 CASES = [
     {"name": "one", "position": [0.5, 0.4], "weight": 2.0},
@@ -188,6 +189,45 @@ def test_tangent_spaces_of_any_rank_and_any_held_joints() -> None:
         expected = np.linalg.lstsq(J[k][:, free].T, slope[k, free], rcond=None)[0]
         left = slope[k] - J[k].T @ expected
         assert np.allclose(tangent.left[k, free], left[free], atol=1e-7)
+
+
+@pytest.mark.parametrize("links", [4, 5])
+def test_a_newton_step_takes_second_derivatives_along_self_motions(links: int) -> None:
+    """Of the weighted terms less what closure costs, by differences; held joints do not move."""
+    cell = Cell.of(parse(planar(2, links, "planar")))
+    kernels = ArmKernels.of(cell.system.arms[0], cell.resolution)
+    rng, d = np.random.default_rng(8), links - 3
+    assert (kernels.line is None) == (d > 1)
+    q, held = rng.uniform(-2, 2, (60, links)), rng.random((60, links)) < 0.15
+    held[:5, :2] = True
+    size, given = kernels.terms(q[:1], np.ones(kernels.terms._np)).shape[1], kernels.local._np
+    x = np.hstack([q, rng.normal(size=(60, size))])
+    goals = np.hstack(
+        [np.tile([0.1, 0.2, 0, 1, 0, 0, 0], (60, 1)), rng.uniform(1, 2, (60, given - 7))]
+    )
+    tangent = ChainTangent.at(kernels, x, goals, held)
+    expected = Tangent.of(tangent.J, tangent.slope, held)
+    for k in range(60):
+        assert np.allclose(tangent.left[k], expected.left[k], atol=1e-7)
+        span = [basis[k].T @ basis[k] for basis in (tangent.basis, expected.basis)]
+        assert np.allclose(*span, atol=1e-9)
+        assert not tangent.basis[k][:, held[k]].any()
+
+    def lagrangian(at: Array) -> Array:
+        costs = (tangent.forces * kernels.residual(at, goals[:, :7])[0]).sum(axis=1)
+        return (x[:, links:] * kernels.terms(at, goals[:, 7:])).sum(axis=1) - costs
+
+    h = 1e-3
+    for i in range(d):
+        way = tangent.basis[:, i]
+        ahead, here, behind = (lagrangian(q + s * h * way) for s in (1, 0, -1))
+        bend = (ahead - 2 * here + behind) / h**2
+        scale = 1 + np.abs(bend).max()
+        assert np.allclose(tangent.bend[:, i, i], bend, atol=1e-3 * scale)
+        ends = [kernels.terms(q + s * h * way, goals[:, 7:]) for s in (1, -1)]
+        assert np.allclose(
+            tangent.change[:, i], (ends[0] - ends[1]) / (2 * h), rtol=1e-3, atol=1e-3
+        )
 
 
 def test_corners_and_faces_of_the_ranges_are_tried() -> None:

@@ -18,7 +18,7 @@ _DOUBT = 1e-6  # ratio of diagonal entries of R below which singular values tell
 class Tangent:
     """Tangent spaces of the closed postures of arms, with multipliers of closure and limits."""
 
-    by_row: ClassVar = ("J", "slope", "held", "basis", "forces", "left")
+    by_row: ClassVar[tuple[str, ...]] = ("J", "slope", "held", "basis", "forces", "left")
     J: Array  # derivative of the closure, (count, m, n)
     slope: Array  # gradient of the objective, (count, n)
     held: Mask  # joints held at a limit, (count, n)
@@ -67,7 +67,7 @@ class Tangent:
         """The tangent spaces of some arms."""
         return replace(self, **{name: getattr(self, name)[rows] for name in self.by_row})
 
-    def _with(self, held: Mask, rows: Indices) -> Self:
+    def _with(self, held: Mask, rows: Indices) -> Tangent:
         """The same with other joints held in some rows."""
         if len(rows) == len(held):
             return self._again(held)
@@ -91,7 +91,7 @@ class ChainTangent(Tangent):
     along them.
     """
 
-    by_row: ClassVar = (*Tangent.by_row, "change", "bend", "x", "given")
+    by_row: ClassVar[tuple[str, ...]] = (*Tangent.by_row, "change", "bend", "x", "given")
     change: Array  # derivatives of the arm's terms along the basis, (count, n − m, s)
     # Second derivatives along it of weightsᵀ terms − forcesᵀ closure, (count, n − m, n − m).
     bend: Array
@@ -107,10 +107,13 @@ class ChainTangent(Tangent):
         if kernels.line is None:
             return cls._by_differences(kernels, x, given, held)
         m, n, s = kernels.m, kernels.n, x.shape[1] - kernels.n
-        edges = np.cumsum([n, m, n, n, s, 1, 1])
-        basis, forces, left, slope, change, bend, sound, J = np.split(
-            kernels.line(np.hstack([x, held]), given), edges, axis=1
-        )
+        values, first = kernels.line(np.hstack([x, held]), given), 0
+        parts = list[Array]()
+        # A tenth of the time that np.split takes.
+        for size in (n, m, n, n, s, 1, 1, m * n):
+            parts.append(values[:, first : first + size])
+            first += size
+        basis, forces, left, slope, change, bend, sound, J = parts
         one = cls(
             J.reshape(-1, m, n), slope, held, basis[:, None], forces, left, change[:, None],
             bend[:, None], kernels, x, given,
@@ -118,8 +121,8 @@ class ChainTangent(Tangent):
         doubtful = np.flatnonzero(~(sound[:, 0] > _DOUBT))
         if not len(doubtful):
             return one
-        parts = x[doubtful], given[doubtful], held[doubtful]
-        return one._put(doubtful, cls._by_differences(kernels, *parts))
+        some = x[doubtful], given[doubtful], held[doubtful]
+        return one._put(doubtful, cls._by_differences(kernels, *some))
 
     @classmethod
     def _by_differences(

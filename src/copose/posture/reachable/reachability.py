@@ -161,7 +161,7 @@ def _explored(
 
 
 def _stopped(cell: Cell, i: int, joints: Iterable[int]) -> str:
-    """The reason why a traced self-motion of arm i ends, by joints whose limits stop it, in words."""
+    """The reason why a self-motion of arm i that limits of joints stop ends, in words."""
     names = cell.arms[i].joint_names
     stops = [repr(names[j]) for j in dict.fromkeys(joints)]
     if not stops:
