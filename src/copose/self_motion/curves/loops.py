@@ -30,7 +30,7 @@ class LoopOptions:
     spacing: float = 0.2  # of points within limits or near them
     widest: float = 1.0  # of points beyond
     closed: float = 1e-6  # residual of postures from which loops are traced, m or rad
-    projections: int = 25  # steps that close random postures
+    projections: int = 18  # steps that close random postures: more close one in 300
     same: float = 1e-4  # distance of postures that are the same
     aside: float = 0.05  # of a posture on a loop from its tangent, over the spacing there
     bend: float = 1.0  # the same, of loops that bend, over the square of the distance along it
