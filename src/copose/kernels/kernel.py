@@ -16,6 +16,8 @@ from copose.kernels import cache, source
 from copose.poses import Array
 from copose.progress import heed
 
+_NUMBERS = ctypes.c_double * 0
+
 
 class Kernel:
     """A function y(x, p) of many points, by CasADi's virtual machine or by compiled code.
@@ -78,9 +80,7 @@ class Kernel:
         """Values by compiled code."""
         y = np.empty((len(x), self._ny))
         stride = self._np if p.ndim == 2 else 0
-        # A third of the time that array.ctypes.data takes.
-        addresses = [array.__array_interface__["data"][0] for array in (x, p, y)]
-        evaluate(len(x), addresses[0], addresses[1], stride, addresses[2])
+        evaluate(len(x), _address(x), _address(p), stride, _address(y))
         return y
 
     def _interpreted(self, x: Array, p: Array) -> Array:
@@ -128,6 +128,11 @@ class Kernel:
         else:
             self._refused = True
         return self.compiled
+
+
+def _address(array: Array) -> ctypes.Array[ctypes.c_double]:
+    """What ctypes passes as an array's address, in a fifth of the time of array.ctypes.data."""
+    return _NUMBERS.from_buffer((array if array.flags.writeable else array.copy()).data)
 
 
 class _Interpreter:
