@@ -314,10 +314,11 @@ def kept(
     ):
         at_limit = np.flatnonzero(closed & beside)
         if len(at_limit) > 1:
-            # Points beyond a limit often end in the same corner.
-            places = cell.embedded(sampler.i, q[at_limit]).round(6)
-            once = np.unique(places, axis=0, return_index=True)[1]
-            closed[np.delete(at_limit, once)] = False
+            # Points beyond a limit often end in the same corner; to add zero makes −0 one.
+            places = cell.embedded(sampler.i, q[at_limit]).round(6) + 0.0
+            once = {place.tobytes(): row for row, place in zip(at_limit, places, strict=True)}
+            closed[at_limit] = False
+            closed[list(once.values())] = True
         within.append(q[closed])
     return within
 
