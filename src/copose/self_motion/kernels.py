@@ -40,9 +40,12 @@ class ArmKernels:
     # 1,).
     closing: Kernel
     # With one degree of freedom to spare, of (q, unit tangent) and a goal: q after Newton steps in
-    # the plane across the tangent, the tangent there, its cosine with that given, the norm of the
-    # residual, and the derivative of the closure row by row, (2n + 2 + m·n,).
+    # the plane across the tangent, the tangent t there, its cosine with that given, the norm of the
+    # residual, and det [J; tᵀ], J the derivative of the closure, (2n + 3,).
     correcting: Kernel | None
+    # Alike, of q and a goal: a unit tangent, the norm of the residual, det [J; tᵀ] and the norm of
+    # J, (n + 3,).
+    tangent: Kernel | None
     closure: Kernel  # of q and a goal: residual, (m,), and its derivative row by row, (m·n,)
     gap: Kernel  # of q and a goal: position error, (3,), and quaternion of the angle error, (4,)
     terms: Kernel  # of q and a tie: what the arm adds to the sums, (s,)
@@ -68,6 +71,7 @@ class ArmKernels:
         weights = ca.SX.sym("weights", terms.numel())
         slope = ca.gradient(ca.dot(weights, terms), q)
         limits, held = ca.vertcat(lower, upper), ca.SX.sym("held", n)
+        curved = n == m + 1
         look = ca.Function("residual", [q, place], [residual, J])
         end = q
         for _ in range(options.steps):
@@ -79,7 +83,8 @@ class ArmKernels:
             n=n,
             steps=options.steps,
             closing=Kernel(ca.vertcat(q, limits), place, closed),
-            correcting=_correcting(q, place, look, options) if n == m + 1 else None,
+            correcting=_correcting(q, place, look, options) if curved else None,
+            tangent=_curve_kernel(q, place, look) if curved else None,
             closure=Kernel(q, place, ca.vertcat(residual, ca.vec(J.T))),
             gap=Kernel(q, place, ca.vertcat(*arm.pose_error(goal))),
             terms=Kernel(q, tied, terms),
@@ -93,16 +98,18 @@ class ArmKernels:
                 ca.vertcat(place, tied),
                 _along_line(q, held, residual, terms, weights),
             )
-            if n == m + 1
+            if curved
             else None,
         )
 
     @property
     def all(self) -> tuple[Kernel, ...]:
         """Every kernel, the most used first."""
-        correcting = () if self.correcting is None else (self.correcting,)
-        line = () if self.line is None else (self.line,)
-        return self.closing, *correcting, self.closure, self.terms, *line, self.local, self.gap
+        kernels = (
+            self.closing, self.correcting, self.tangent, self.closure, self.terms, self.line,
+            self.local, self.gap,
+        )  # fmt: skip
+        return tuple(kernel for kernel in kernels if kernel is not None)
 
     def residual(self, q: Array, goal: Array) -> tuple[Array, Array]:
         """Closure at q, (count, n): residuals, (count, m), and derivatives, (count, m, n)."""
@@ -171,10 +178,42 @@ def _correcting(q: ca.SX, place: ca.SX, look: ca.Function, options: ClosingOptio
         residual, J = look(end, place)
         end = end + _damped_step(residual, J - (J @ tangent) @ tangent.T, options)
     residual, J = look(end, place)
-    ahead = tangent + _least_norm_step(J @ tangent, J, options.least_damping)
-    cosine = ca.norm_2(ahead)
-    values = ca.vertcat(end, ahead / cosine, cosine, ca.norm_2(residual), ca.vec(J.T))
+    ahead, det = _tangent(J)
+    way = ca.if_else(ca.dot(ahead, tangent) < 0, -1.0, 1.0)
+    cosine = way * ca.dot(ahead, tangent)
+    values = ca.vertcat(end, way * ahead, cosine, ca.norm_2(residual), way * det)
     return Kernel(ca.vertcat(q, tangent), place, values)
+
+
+def _curve_kernel(q: ca.SX, place: ca.SX, look: ca.Function) -> Kernel:
+    """See `ArmKernels.tangent`."""
+    residual, J = look(q, place)
+    t, det = _tangent(J)
+    return Kernel(q, place, ca.vertcat(t, ca.norm_2(residual), det, ca.norm_fro(J)))
+
+
+def _tangent(J: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """The unit vector t with J t = 0 of one column more than rows, and det [J; tᵀ]."""
+    (m, n), (R, reflections) = J.shape, _triangle(J.T)
+    t = ca.SX.eye(n)[:, -1]
+    for v in reversed(reflections):
+        t -= v * ca.dot(v, t)
+    det = ca.SX((-1) ** m)
+    for k in range(m):
+        det *= R[k, k]
+    return t, det
+
+
+def _triangle(R: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
+    """The triangle that Householder reflections x − v vᵀx make of columns, and their v."""
+    reflections = list[ca.SX]()
+    for k in range(R.shape[1]):
+        size, first = ca.norm_2(R[k:, k]), R[k, k]
+        v = ca.vertcat(ca.SX(k, 1), first + ca.if_else(first < 0, -size, size), R[k + 1 :, k])
+        v *= ca.sqrt(2 / ca.fmax(ca.sumsqr(v), 1e-300))
+        R = R - v @ (v.T @ R)
+        reflections.append(v)
+    return R, reflections
 
 
 def _along_line(q: ca.SX, held: ca.SX, residual: ca.SX, terms: ca.SX, weights: ca.SX) -> ca.SX:
@@ -185,16 +224,10 @@ def _along_line(q: ca.SX, held: ca.SX, residual: ca.SX, terms: ca.SX, weights: c
     """
     m, n = residual.numel(), q.numel()
     J, slope = ca.jacobian(residual, q), ca.gradient(ca.dot(weights, terms), q)
-    R = J.T * ca.repmat(1 - held, 1, m)
-    along, t, reflections = slope, ca.SX.eye(n)[:, -1], list[ca.SX]()
-    for k in range(m):
-        size, first = ca.norm_2(R[k:, k]), R[k, k]
-        v = ca.vertcat(ca.SX(k, 1), first + ca.if_else(first < 0, -size, size), R[k + 1 :, k])
-        v *= ca.sqrt(2 / ca.fmax(ca.sumsqr(v), 1e-300))
-        R, along = R - v @ (v.T @ R), along - v * ca.dot(v, along)
-        reflections.append(v)
-    for v in reversed(reflections):
-        t -= v * ca.dot(v, t)
+    moving = J * ca.repmat(1 - held.T, m, 1)
+    (t, _), (R, reflections), along = _tangent(moving), _triangle(moving.T), slope
+    for v in reflections:
+        along = along - v * ca.dot(v, along)
     R, size = ca.triu(R[:m, :]), ca.fabs(ca.diag(R[:m, :]))
     t, multipliers = t * (1 - ca.mmax(held)), ca.solve(R, along[:m])
     # Second derivatives along t alone, of the Lagrangian with these multipliers.

@@ -82,7 +82,7 @@ class ClosureManifold:
         Raises:
             ValueError: arms have not one degree of freedom to spare.
         """
-        m, n, correcting = self.kernels.m, self.kernels.n, self.kernels.correcting
+        n, correcting = self.kernels.n, self.kernels.correcting
         if correcting is None:
             raise ValueError("there is no curve without one degree of freedom to spare")
         far = length[:, None]
@@ -97,8 +97,9 @@ class ClosureManifold:
             again = ~closed
             ends[again] = correcting(rows[again], self.goals[again])
             closed = ends[:, 2 * n + 1] < tolerance
-        J = ends[:, 2 * n + 2 :].reshape(-1, m, n)
-        return CurveStep(ends[:, :n], ends[:, n : 2 * n], ends[:, 2 * n], J, closed)
+        return CurveStep(
+            ends[:, :n], ends[:, n : 2 * n], ends[:, 2 * n], ends[:, 2 * n + 2], closed
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,19 +109,15 @@ class CurveStep:
     q: Array  # postures, (k, n)
     tangent: Array  # unit tangents there, (k, n)
     cosine: Array  # of the angles between the tangents at both ends, (k,)
-    J: Array  # derivatives of the closure, (k, m, n)
+    orientation: Array  # det [J; tᵀ], t the tangent, (k,): zero where curves meet
     closed: Mask  # which are closed, (k,)
 
     def taken(self, rows: Mask) -> CurveStep:
         """Some of the steps."""
         return CurveStep(
-            self.q[rows], self.tangent[rows], self.cosine[rows], self.J[rows], self.closed[rows]
-        )
-
-    @property
-    def orientation(self) -> Array:
-        """Determinants of [J; tᵀ], t the tangent, (k,): zero where curves meet."""
-        return np.asarray(np.linalg.det(np.concatenate([self.J, self.tangent[:, None]], axis=1)))
+            self.q[rows], self.tangent[rows], self.cosine[rows], self.orientation[rows],
+            self.closed[rows],
+        )  # fmt: skip
 
 
 def null_vectors(J: Array) -> Array:

@@ -20,7 +20,7 @@ import numpy as np
 
 from copose.poses import Array, Indices, Mask
 from copose.self_motion.curves.curve import Curve, TracingOptions
-from copose.self_motion.manifold import ClosureManifold, CurveStep, null_vectors
+from copose.self_motion.manifold import ClosureManifold, CurveStep
 from copose.self_motion.projection import CLOSED
 
 
@@ -111,12 +111,13 @@ class Fronts:
         self.options, self._longest = options, longest
         self.seeds = np.tile(np.arange(k), 2)
         self.manifold, self.meetings = manifold.taken(self.seeds), list[tuple[int, int]]()
-        residual, J = manifold.kernels.residual(q, manifold.goals)
-        tangent = null_vectors(J)
-        det = np.linalg.det(np.concatenate([J, tangent[:, None]], axis=1))
-        sound = np.linalg.norm(residual, axis=1) <= max(CLOSED, options.closed)
-        sound &= (
-            np.abs(det) > options.singular * np.sqrt((J**2).sum(axis=(1, 2))) ** manifold.kernels.m
+        kernels = manifold.kernels
+        if kernels.tangent is None:
+            raise ValueError("there is no curve without one degree of freedom to spare")
+        values = kernels.tangent(q, manifold.goals)
+        tangent, (residual, det, size) = values[:, :n], values[:, n:].T
+        sound = (residual <= max(CLOSED, options.closed)) & (
+            np.abs(det) > options.singular * size**kernels.m
         )
         self.q, self._tangent = q[self.seeds], np.vstack([tangent, -tangent])
         # Those of two groups are farther apart than steps go.
