@@ -30,7 +30,7 @@ def far_apart(
 
 
 def far_apart_rows(
-    free: Mask, near: Callable[[int, Mask], Mask | Indices], most: int | None = None
+    free: Mask, near: Mask | Callable[[int, Mask], Mask | Indices], most: int | None = None
 ) -> list[int]:
     """Numbers of rows, in order, that are near to no row taken before.
 
@@ -38,8 +38,9 @@ def far_apart_rows(
 
     Args:
         free: which rows may be taken, (count,).
-        near: the rows near to a row, as a mask or by number; its second argument tells which are
-            still free, and others need not be among them.
+        near: which rows are near to which, (count, count), or what tells those near to a row, as a
+            mask or by number; its second argument tells which are still free, and others need not
+            be among them.
         most: rows, at most.
     """
     free, taken = free.copy(), list[int]()
@@ -48,7 +49,7 @@ def far_apart_rows(
             break
         if free[row]:
             taken.append(row)
-            free[near(row, free)] = False
+            free[near(row, free) if callable(near) else near[row]] = False
     return taken
 
 

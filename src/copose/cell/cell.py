@@ -249,16 +249,14 @@ class Cell:
         return _within_half_a_turn(q, self._revolute[i])
 
     def distances(self, many: Array, q: Array) -> Array:
-        """Largest difference of a joint, rad or m, of postures (count, N) to q, (N,): (count,).
+        """Largest difference of a joint, rad or m, of postures (..., N) to q, (..., N): (...,).
 
         A whole turn makes no other posture.
         """
-        if len(many) == 0:
-            return np.zeros(0)
         turn, apart = 2 * np.pi, many - q
         # Which of two turns that are as near makes no difference here: rint is fast, mod slow.
         apart -= np.where(self._all_revolute, turn * np.rint(apart / turn), 0.0)
-        return np.asarray(np.abs(apart).max(axis=1))
+        return np.asarray(np.abs(apart).max(axis=-1))
 
     def embedded(self, i: int, q: Array) -> Array:
         """Positions of arm i, (count, n), as points whose distance no whole turn changes.

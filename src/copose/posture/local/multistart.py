@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from copose.cell.cell import Cell
-from copose.poses import Array, Indices, Mask
+from copose.poses import Array, Mask
 from copose.posture.model import PostureModel
 from copose.posture.optimum import LocalOptimum, LocalSolve
 from copose.posture.setting import Setting
@@ -257,15 +257,16 @@ def differing(
         most: indices at most.
         known: postures, (known, N), that are not chosen again.
     """
-
-    def near(posture: Array, free: Mask) -> Indices:
-        rows = np.flatnonzero(free)
-        return rows[~(cell.distances(q[rows], posture) > least)]
-
-    free = np.ones(len(q), dtype=bool)
-    for posture in () if known is None else known:
-        free[near(posture, free)] = False
-    return far_apart_rows(free, lambda row, free: near(q[row], free), most)
+    chosen, window = list[int](), max(1, 2 * most)
+    for first in range(0, len(q), window):
+        rows, before = q[first : first + window], q[chosen]
+        before = before if known is None else np.vstack([known, before])
+        free = np.asarray((cell.distances(rows, before[:, None]) > least).all(axis=0))
+        near = ~(cell.distances(rows, rows[:, None]) > least)
+        chosen += [first + row for row in far_apart_rows(free, near, most - len(chosen))]
+        if len(chosen) == most:
+            break
+    return chosen
 
 
 def gathered(cell: Cell, ends: Sequence[LocalOptimum], same: SameOptimum) -> list[LocalOptimum]:

@@ -136,7 +136,7 @@ class Loops:
         near = square[:, None] + square - 2 * places @ places.T <= apart**2
         # Most have room: only the others have to be taken one by one.
         kept = near.sum(axis=1) <= 1
-        kept[far_apart_rows(~kept, lambda row, _: near[row])] = True
+        kept[far_apart_rows(~kept, near)] = True
         return q[kept], arms[kept]
 
     def _keep_apart(self, q: Array, arms: Indices) -> None:
