@@ -394,7 +394,7 @@ def test_a_warm_posture_of_another_problem_makes_a_result_that_can_be_read(tmp_p
 
 
 def test_an_optimum_beside_a_stretched_arm_is_found_with_high_effort() -> None:
-    """Where a sample tells nothing of what is near it, blind starts are polished too."""
+    """Where a sample tells nothing of what is near it, arms climb alone from many."""
     cell = planar(2, 4, "planar-linear", ellipsoid={"resolution": "torque-optimal"})
     planner = copose.Planner(parse(cell))
     answers = [planner.solve(seed=seed, effort="high").objective.after for seed in range(2)]

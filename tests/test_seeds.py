@@ -90,3 +90,15 @@ def test_the_value_of_a_path_is_what_is_maximised() -> None:
     hurried = problem.path.model_copy(update={"duration": "shortest"})
     hurried = problem.model_copy(update={"path": hurried})
     assert seeds.value_of(motion, hurried) == -motion.duration
+
+
+@pytest.mark.parametrize(
+    ("number", "best", "some"), [(17, 104.6073636, (5, 10)), (18, 87.268075, (4,))]
+)
+def test_arms_sampled_on_surfaces_climb_alone_where_programs_judge(
+    files: list[Path], number: int, best: float, some: tuple[int, ...]
+) -> None:
+    """The posture that is best beside another is met by climbs of one arm, hardly by pairs."""
+    planner = copose.Planner(copose.load(files[number]))
+    for seed in some:
+        assert planner.solve(seed=seed).objective.after > best - 1e-6 * (1 + best)

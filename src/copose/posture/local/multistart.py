@@ -102,10 +102,9 @@ class LocalSearches:
         return [np.unique(part.round(9), axis=0) for part in parts]
 
     def responses(self, i: int, closed: Array, most: int) -> Array:
-        """Local optima of arm i alone while the others are as in the best end, (count, n_i).
+        """Local optima of the score of arm i alone, the others as in the best end, (count, n_i).
 
-        Of its closed postures, (count, n_i), so many are polished at most; where no Newton step
-        climbs the best of them stand for the optima.
+        Of its closed postures, (count, n_i), so many are polished at most.
         """
         model, setting = self.model, self.setting
         cell = setting.cell
@@ -114,10 +113,7 @@ class LocalSearches:
         terms = [model.terms(setting, j, q[None])[0] for j, q in enumerate(parts) if j != i]
         rest = np.asarray(sum(terms))
         scores = model.score.value(model.terms(setting, i, closed) + rest, setting.given)
-        scores = scores[:, 0]
-        starts = closed[np.argsort(-scores, kind="stable")[:most]]
-        if not model.objective.summable:
-            return np.asarray(starts)
+        starts = closed[np.argsort(-scores[:, 0], kind="stable")[:most]]
         own = model.objective.sums.size(cell.system.space)
         ends = model.polisher(setting, i, rest[:own]).polish(starts)
         return np.asarray(ends.q[ends.converged])

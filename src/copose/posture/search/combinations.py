@@ -92,6 +92,11 @@ class Combinations:
         return sum(max(0, kernels.n - kernels.m) for kernels in self._model.arms)
 
     @property
+    def _surfaces(self) -> bool:
+        """True where arms have more than one degree of freedom to spare each, in the mean."""
+        return self._spare > len(self.arms.postures)
+
+    @property
     def _by_programs(self) -> bool:
         """True where linear programs judge combinations, and a climb takes few programs."""
         return not (self._model.objective.summable or self._model.objective.costly)
@@ -102,8 +107,7 @@ class Combinations:
         options = self._options
         part = min(1.0, options.plain_spare / max(self._spare, 1))
         most = max(options.fewest_starts, int(self.effort.polished * part))
-        if self._spare > len(self.arms.postures):
-            # Samples of surfaces tell less of what is near them than those of curves.
+        if self._surfaces:
             if self._model.objective.costly:
                 return most * options.sampled_starts
             most *= options.surface_starts
@@ -111,25 +115,15 @@ class Combinations:
 
     def _combine(self) -> None:
         """Screen, judge and climb, then combine anew; fills what is known as it goes."""
-        model, arms = self._model, self.arms
         stage("comparing postures")
-        rng = np.random.default_rng([self.seed, len(arms.postures)])
-        best = self._ranked(arms, rng, self.allowed, first=True)
-        self.starts, scores = self._distinct(arms.postures, best, self._most)
+        postures = self.arms.postures
+        rng = np.random.default_rng([self.seed, len(postures)])
+        best = self._ranked(self.arms, rng, self.allowed, first=True)
+        self.starts, scores = self._distinct(postures, best, self._most)
         self.climbs.add_promising(self.starts, scores)
-        if self._spare > len(arms.postures) and len(self.starts) and not model.objective.costly:
-            self._climb_blind(rng)
         for _ in range(self._rounds if self.climbs.ends else 0):
             if not self._recombine(rng):
                 break
-
-    def _climb_blind(self, rng: np.random.Generator) -> None:
-        """Climb from combinations drawn at random."""
-        options, postures = self._options, self.arms.postures
-        count = int(self.effort.blind * min(1.0, options.plain_spare / self._spare))
-        drawn = rng.integers(0, [len(q) for q in postures], (count, len(postures)))
-        picked = combined(postures, drawn)
-        self.climbs.add(picked[self._model.feasibility.clear(self._setting, picked)])
 
     @property
     def _rounds(self) -> int:
@@ -168,12 +162,13 @@ class Combinations:
         They are clear of all but the other arms.
         """
         model, setting, climbs = self._model, self._setting, self.climbs
-        most, few = self._most, self._by_programs
+        most, few, surfaces = self._most, self._by_programs, self._surfaces
         postures = climbs.postures(self._options.judged_ends if few else 2 * most)
-        for i, kernels in enumerate(() if few else model.arms):
+        tried = most * self._options.surface_responses if surfaces else most
+        for i, kernels in enumerate(() if few and not surfaces else model.arms):
             fixed = setting.cell.arms[i].fixed
             if len(postures) > 1 and kernels.n > kernels.m and not fixed:
-                responses = climbs.responses(i, self.arms.postures[i], most)
+                responses = climbs.responses(i, self.arms.postures[i], tried)
                 postures[i] = np.vstack([postures[i], responses])
         if setting.bodies is not None:
             return [q[alone_clear(setting, i, q)] for i, q in enumerate(postures)]

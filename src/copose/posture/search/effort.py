@@ -20,6 +20,7 @@ class CombinationOptions:
     fewest_starts: int = 4  # climbed from, however many degrees of freedom are to spare
     kinked_starts: int = 2  # times as many starts beside kinks, where gains differ more
     surface_starts: int = 2  # times as many where arms have more than one degree to spare each
+    surface_responses: int = 2  # times as many of each arm's postures that climb alone there
     sampled_starts: int = 4  # times as many where an objective climbs by itself from samples
     judged_ends: int = 16  # best ends of which linear programs can judge all pairs
     random: int = 64  # combinations drawn where bodies and the end of the call leave no other
@@ -76,8 +77,6 @@ class Effort:
         starts: random combinations that exchange improves where there are more than two arms.
         polished: combinations that are polished.
         rounds: of combining anew what was polished, at most.
-        blind: combinations drawn at random that are polished where an arm has more than one degree
-            of freedom to spare, for a sample tells little about what is near it there.
         insistence: random postures of an arm that are drawn before it is said to miss its grasp.
         measured: best results so far that are measured where a call has to end.
         complete: whether slices are to meet every self-motion, beside random postures.
@@ -94,7 +93,6 @@ class Effort:
     starts: int
     polished: int
     rounds: int
-    blind: int
     insistence: int = 4096
     measured: int = 4
     complete: bool = False
@@ -112,21 +110,20 @@ class Effort:
             starts=2 * self.starts,
             polished=2 * self.polished,
             rounds=2 * self.rounds,
-            blind=2 * self.blind,
         )
 
 
 EFFORTS: dict[EffortName, Effort] = {
     "low": Effort(
         name="low", batch=64, batches=4, loops=120, surfaces=150, starts=32, polished=8, rounds=0,
-        blind=0, placing=PlacementOptions(one=16, most=64, climbed=24, refined=8),
+        placing=PlacementOptions(one=16, most=64, climbed=24, refined=8),
     ),
     "normal": Effort(
         name="normal", batch=96, batches=8, loops=240, surfaces=300, starts=96, polished=24,
-        rounds=2, blind=16,
+        rounds=2,
     ),
     "high": Effort(
         name="high", batch=256, batches=16, loops=480, surfaces=1200, starts=384, polished=160,
-        rounds=6, blind=800, placing=PlacementOptions(one=128, most=1024, climbed=512, refined=48),
+        rounds=6, placing=PlacementOptions(one=128, most=1024, climbed=512, refined=48),
     ),
 }  # fmt: skip
