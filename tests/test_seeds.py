@@ -102,3 +102,10 @@ def test_arms_sampled_on_surfaces_climb_alone_where_programs_judge(
     planner = copose.Planner(copose.load(files[number]))
     for seed in some:
         assert planner.solve(seed=seed).objective.after > best - 1e-6 * (1 + best)
+
+
+def test_an_ascent_goes_on_where_opposite_facets_are_as_near(files: list[Path]) -> None:
+    """The nearer of the two has a kink there, along which the radius still grows."""
+    planner = copose.Planner(copose.load(files[24]))
+    for seed in (0, 8):
+        assert planner.solve(seed=seed).objective.after == pytest.approx(206.66972986, rel=1e-9)

@@ -131,15 +131,18 @@ class ResidualBalls:
         return distances, w, self._normals.choices[nearest]
 
     def tracked(self, chosen: Indices, choices: Indices) -> Array:
-        """Distances of facets parallel to certain generators, (count, k, m − 1), of combinations,
-        (count, K): (count, k).
+        """Distances of opposite facets parallel to certain generators, (count, k, m − 1), of
+        combinations, (count, K): those along normals, then those against them, (count, 2k).
         """
         whitened = self._whitened(chosen)
         rows = np.arange(len(chosen))[:, None, None]
         columns = whitened.even.transpose(1, 0, 2)[:, rows, choices]
         normals = cross(np.moveaxis(columns, -1, 0)).swapaxes(0, 1)
-        radii = whitened.radii(normals, self.options.nothing)
-        return np.where(whitened.sound[:, None], radii, np.nan)
+        # The nearer of two opposite facets would have a kink where both are as near.
+        both = [
+            whitened.radii(normals, self.options.nothing, s) for s in (np.positive, np.negative)
+        ]
+        return np.where(whitened.sound[:, None], np.hstack(both), np.nan)
 
     def bounds(self, w: Array, chosen: Indices) -> Array:
         """Least bounds of the radii of combinations, (count, K), by vectors w, (k, m): (count,)."""
@@ -216,10 +219,13 @@ class _Whitened:
         sizes = np.linalg.norm(self.V, axis=1, keepdims=True)
         return np.asarray(self.V / np.where(sizes > 0, sizes, 1.0))
 
-    def radii(self, y: Array, nothing: float) -> Array:
-        """Distances of half-spaces with normals y, (count, m, k), of any length: (count, k)."""
+    def radii(self, y: Array, nothing: float, signed: Callable[[Array], Array] = np.abs) -> Array:
+        """Distances of half-spaces with normals ±y, (count, m, k), of any length: (count, k).
+
+        The nearer of both counts, or that along y or against it if ``signed`` gives yᵀr or −yᵀr.
+        """
         sizes = np.sqrt((y * y).sum(axis=1))
-        room = np.abs(self.V.swapaxes(1, 2) @ y).sum(axis=1) - np.abs(self.r[:, None] @ y)[:, 0]
+        room = np.abs(self.V.swapaxes(1, 2) @ y).sum(axis=1) - signed(self.r[:, None] @ y)[:, 0]
         moved = self.S.swapaxes(1, 2) @ y
         distances = _ratio(room, (moved * moved).sum(axis=1))
         return np.where(sizes > nothing, distances, np.inf)
