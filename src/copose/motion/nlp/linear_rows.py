@@ -61,27 +61,26 @@ def motion_rows(
         returns: whether the last knot is the first.
     """
     builder = Builder(count, task.size)
-    q, pairs = np.arange(task.joints), range(count - 1)
-    most = longest_step(count)
-    builder.add("step", pairs, [(1, q, 1.0), (0, q, -1.0)], -most, most)
-    _add_speeds(builder, task, count, speeds, duration)
+    _add_steps(builder, task, count, speeds, duration)
     if "slopes" in task.slices:
         _add_differences(builder, task, count)
     if task.shared is not None:
         builder.chain(task.shared, task.slices[task.shared])
     if returns:
+        q = np.arange(task.joints)
         builder.add("return", [0], [(0, q, 1.0), (count - 1, q, -1.0)], 0.0, 0.0)
     return builder.rows()
 
 
-def _add_speeds(
-    builder: Builder, task: KnotNlp, count: int, speeds: Array, duration: float
-) -> None:
-    """Steps no longer than speed limits allow in the time between knots."""
-    limited, pairs = np.flatnonzero(np.isfinite(speeds)), range(count - 1)
-    reach = speeds[limited] * duration / (count - 1)
-    ahead, behind = (1, limited, 1.0), (0, limited, -1.0)
-    if task.shared != "stretch":
+def _add_steps(builder: Builder, task: KnotNlp, count: int, speeds: Array, duration: float) -> None:
+    """Steps no longer than the longest, nor than speed limits allow in the time between knots."""
+    pairs, most, reach = range(count - 1), longest_step(count), speeds * duration / (count - 1)
+    stretched = task.shared == "stretch"
+    slow = np.isfinite(reach) if stretched else reach < most
+    free, limited = (np.flatnonzero(mask) for mask in (~slow | stretched, slow))
+    builder.add("step", pairs, [(1, free, 1.0), (0, free, -1.0)], -most, most)
+    ahead, behind, reach = (1, limited, 1.0), (0, limited, -1.0), reach[limited]
+    if not stretched:
         builder.add("speed", pairs, [ahead, behind], -reach, reach)
         return
     stretch = np.full(len(limited), task.slices["stretch"].start)
@@ -154,13 +153,6 @@ class Builder:
 
     def rows(self) -> LinearRows:
         """Everything that was added."""
-        nothing = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
-        parts = [nothing, *self._parts]
-        return LinearRows(
-            np.concatenate([part[0] for part in parts]),
-            np.concatenate([part[1] for part in parts]),
-            np.concatenate([part[2] for part in parts]),
-            np.concatenate([np.zeros(0), *self._lower]),
-            np.concatenate([np.zeros(0), *self._upper]),
-            tuple(self._names),
-        )
+        rows, columns, entries = map(np.concatenate, zip(*self._parts, strict=True))
+        lower, upper = np.concatenate(self._lower), np.concatenate(self._upper)
+        return LinearRows(rows, columns, entries, lower, upper, tuple(self._names))
