@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 
@@ -66,18 +67,10 @@ class Lattice:
 
     def best(self, most: int, far: Far | None = None) -> list[Found]:
         """The best routes through combinations of the middle layer that are far apart."""
-        ahead = _Table(self)
-        if not np.isfinite(ahead.worth[-1]).any():
-            return []
-        if far is None:
-            last = ahead.worth[-1]
-            i, j = divmod(int(last.argmax()), last.shape[1])
-            nodes = ahead.back(len(self.values) - 1, i, j)[::-1]
-            return [Found(np.array(nodes, dtype=np.intp), float(last[i, j]))]
-        behind = _Table(self.reversed)
-        middle = len(self.values) // 2
-        back = len(self.values) - 1 - middle
-        total = ahead.worth[middle] + behind.worth[back]
+        last = len(self.values) - 1
+        middle = last if far is None else len(self.values) // 2
+        ahead, behind = _Table(self, middle), _Table(self.reversed, last - middle)
+        total = ahead.worth + behind.worth
         usable = np.isfinite(total)
         total[usable] -= self.values[middle][usable]
         order = np.argsort(np.where(usable, -total, np.inf).ravel(), kind="stable")
@@ -85,8 +78,10 @@ class Lattice:
         routes: list[Found] = []
         while len(order) and len(routes) < most:
             i, j = divmod(int(order[0]), total.shape[1])
-            nodes = [*ahead.back(middle, i, j)[::-1], *behind.back(back, i, j)[1:]]
+            nodes = [*ahead.back(i, j)[::-1], *behind.back(i, j)[1:]]
             routes.append(Found(np.array(nodes, dtype=np.intp), float(total[i, j])))
+            if far is None:
+                break
             rows, columns = np.unravel_index(order, total.shape)
             order = order[far(rows, columns, i, j)]
         return routes
@@ -141,7 +136,7 @@ class Lattice:
     @property
     def ending(self) -> Array:
         """The worth of the best route to each combination of the last layer."""
-        return _Table(self).worth[-1]
+        return _Table(self, len(self.values) - 1).worth
 
     @property
     def widest(self) -> Array:
@@ -212,30 +207,26 @@ def _count(ways: Array) -> Array:
 
 
 class _Table:
-    """The worth of the best routes up to each layer, and where they come from.
+    """The worth of the best routes up to a layer, (count, count'), and where they come from."""
 
-    Attributes:
-        worth: by layer, (count, count').
-    """
-
-    def __init__(self, lattice: Lattice) -> None:
-        self.worth = [np.asarray(lattice.values[0])]
+    def __init__(self, lattice: Lattice, layer: int) -> None:
+        self.worth = np.asarray(lattice.values[0])
         # The first arm's posture before, told by its own after the move and the other's before it;
         # then the other's before, told by both after.
         self._first: list[Indices] = []
         self._second: list[Indices] = []
         moves = zip(lattice.values[1:], lattice.one, lattice.other, strict=True)
-        for value, one, other in moves:
-            G, first = _best_before(self.worth[-1], one)
+        for value, one, other in islice(moves, layer):
+            G, first = _best_before(self.worth, one)
             worth, second = _best_before(G.T, other)
             self._first.append(first)
             self._second.append(second.T)
-            self.worth.append(worth.T + value)
+            self.worth = worth.T + value
 
-    def back(self, k: int, i: int, j: int) -> list[tuple[int, int]]:
-        """Postures of the best route that ends in a combination of layer k, last first."""
+    def back(self, i: int, j: int) -> list[tuple[int, int]]:
+        """Postures of the best route that ends in a combination of the layer, last first."""
         nodes = [(i, j)]
-        for first, second in zip(self._first[:k][::-1], self._second[:k][::-1], strict=True):
+        for first, second in zip(self._first[::-1], self._second[::-1], strict=True):
             j_before = int(second[i, j])
             i, j = int(first[i, j_before]), j_before
             nodes.append((i, j))
