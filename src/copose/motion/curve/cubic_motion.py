@@ -180,7 +180,7 @@ class CubicMotion:
         q, slope, square, cube = (term[k] for term in self._terms)
         joints = self._split(q + u * (slope + u * (square + u * cube)))
         phases = instants / (self.instants * self._count)
-        poses = [self._journey.at(float(phase)).pose for phase in phases]
+        poses = [state.pose for state in self._journey.states(phases)]
         return configurations(self._arms, [arm.base for arm in self._arms], joints, poses)
 
     def _hull(self, row: int, k: int) -> tuple[float, Array]:

@@ -32,7 +32,7 @@ class Course:
         """The object's path at instants φ, (n,)."""
         cell = model.cell
         space = cell.system.space
-        stations = tuple(journey.at(phase) for phase in phases)
+        stations = journey.states(phases)
         settings: list[Setting] = []
         for k, station in enumerate(stations):
             still = k > 0 and np.array_equal(_numbers(station), _numbers(stations[k - 1]))

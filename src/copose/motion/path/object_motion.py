@@ -39,21 +39,6 @@ class Segment:
     begins: float  # φ at its beginning
     share: float  # of the duration
 
-    def at(self, phase: float) -> ObjectState:
-        """The object at a share φ of the duration, by the minimum-jerk law."""
-        x = np.clip((phase - self.begins) / self.share, 0.0, 1.0)
-        s = minimum_jerk.travelled(x)
-        rate = minimum_jerk.speed(x) / self.share
-        bend = minimum_jerk.acceleration(x) / self.share**2
-        along = np.concatenate([self.step, self.turn])
-        turn = turn_quaternions(s * self.turn)
-        quaternion = np.array(quaternion_product(turn, self.first.quaternion))
-        return ObjectState(
-            pose=_pose(self.first.position + s * self.step, quaternion),
-            velocity=rate * along,
-            acceleration=bend * along,
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class ObjectMotion:
@@ -112,25 +97,38 @@ class ObjectMotion:
 
     def at(self, phase: float) -> ObjectState:
         """The object at a share of the duration."""
-        for segment in self.segments[:-1]:
-            if phase < segment.begins + segment.share:
-                return segment.at(phase)
-        return self.segments[-1].at(phase)
+        return self.states(np.array([phase]))[0]
+
+    def states(self, phases: Array) -> tuple[ObjectState, ...]:
+        """The object at many instants."""
+        instants = zip(*self._along(phases), strict=True)
+        return tuple(ObjectState(_pose(p, q), *rates) for p, q, *rates in instants)
 
     def places(self, phases: Array) -> tuple[Array, Array]:
         """Positions, (count, 3), and quaternions, (count, 4), at many instants."""
-        positions, quaternions = np.empty((len(phases), 3)), np.empty((len(phases), 4))
+        positions, quaternions, *_ = self._along(phases)
+        return positions, quaternions
+
+    def _along(self, phases: Array) -> tuple[Array, Array, Array, Array]:
+        """Places, and rates of `ObjectState`, at many instants by the minimum-jerk law."""
         begins = np.array([segment.begins for segment in self.segments])
         which = np.maximum(np.searchsorted(begins, phases, side="right") - 1, 0)
-        for number, segment in enumerate(self.segments):
-            inside = which == number
-            x = np.clip((phases[inside] - segment.begins) / segment.share, 0.0, 1.0)
-            s = minimum_jerk.travelled(x)
-            positions[inside] = segment.first.position + s[:, None] * segment.step
-            turned = turn_quaternions(s[:, None] * segment.turn)
-            first = segment.first.quaternion
-            quaternions[inside] = np.stack(quaternion_product(turned.T, first), axis=1)
-        return positions, quaternions
+        ways = [
+            (s.first.position, s.first.quaternion, s.step, s.turn, s.share) for s in self.segments
+        ]
+        first, quaternion, step, turn, share = (
+            np.array(part)[which] for part in zip(*ways, strict=True)
+        )
+        x = np.clip((phases - begins[which]) / share, 0.0, 1.0)[:, None]
+        share, s = share[:, None], minimum_jerk.travelled(x)
+        turned = quaternion_product(turn_quaternions(s * turn).T, quaternion.T)
+        along = np.hstack([step, turn])
+        return (
+            first + s * step,
+            np.stack(turned, axis=1),
+            minimum_jerk.speed(x) / share * along,
+            minimum_jerk.acceleration(x) / share**2 * along,
+        )
 
     @property
     def returns(self) -> bool:
