@@ -31,7 +31,6 @@ from copose.results import (
     place,
     vector,
 )
-from copose.robots import freed
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,9 +164,7 @@ class Meter:
         planar = cell.problem.space.planar
         keys: dict[str, Any] = {
             what: {
-                arm.name: frame(getattr(arm, what), planar)
-                for arm, spec in zip(cell.arms, cell.problem.arms, strict=True)
-                if what in freed(spec)
+                arm.name: frame(getattr(arm, what), planar) for arm in cell.arms if what in arm.free
             }
             for what in ("base", "grasp")
         }

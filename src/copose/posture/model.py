@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
@@ -193,6 +194,13 @@ class PostureModel:
             upper=self._limits[1],
             ties=tuple(terms.ties(cell) for terms in self._ruling_out),
         )
+
+    def together(self, settings: Sequence[Setting]) -> Setting:
+        """Settings as one, in which each of as many postures has its own sums and grams."""
+        ties = zip(*(setting.placement.ties for setting in settings), strict=True)
+        given = np.array([setting.given for setting in settings])
+        sums = partial(self._sums, [np.array(tie) for tie in ties])
+        return replace(settings[0], sums=sums, grams=partial(self._grams, given))
 
     @cached_property
     def _limits(self) -> tuple[tuple[Array, ...], tuple[Array, ...]]:

@@ -11,7 +11,7 @@ from copose.capability.torque_limits import Demand, Dynamics
 from copose.cell.cell import Cell
 from copose.cell.dynamics import HELD, CellDynamics
 from copose.motion.path.knots import Course
-from copose.poses import Array, Indices, Pose, skew
+from copose.poses import Array, Indices, Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +54,8 @@ class Torques:
         for i, jacobian in enumerate(asked.J):
             wide[:, edges[i] : edges[i + 1], i * m : i * m + m] = jacobian.swapaxes(1, 2)
         alone = np.hstack(asked.alone)
-        P = np.array([
-            np.hstack(_balance(self._cell, station.pose.rotation))
-            for station in asked.course.stations
-        ])  # fmt: skip
+        rotations = np.array([station.pose.rotation for station in asked.course.stations])
+        P = np.concatenate(_balance(self._cell, rotations), axis=2)
         U, s, V = np.linalg.svd(P)
         # As an object turns the rank of what its contacts exert stays.
         rank = int((s[0] > self._tolerance * s[0, 0]).sum())
@@ -185,12 +183,14 @@ def exertable(cell: Cell, tolerance: float = 1e-9) -> Array:
 
 
 def _balance(cell: Cell, rotation: Array) -> list[Array]:
-    """Maps of contact wrenches, world axes, to the balance of an object turned so, (b, m) each."""
+    """Maps of contact wrenches, world axes, to the balance of an object turned so, (b, m) each, or
+    (n, b, m) of rotations (n, 3, 3).
+    """
     space, maps = cell.system.space, []
     for arm in cell.arms:
-        whole = np.eye(6)
-        whole[3:, :3] = skew(rotation @ arm.grasp.position)
-        maps.append(whole[np.ix_(space.balance, space.rows)])
+        whole = np.tile(np.eye(6), (*rotation.shape[:-2], 1, 1))
+        whole[..., 3:, :3] = -np.cross((rotation @ arm.grasp.position)[..., None, :], np.eye(3))
+        maps.append(whole[..., np.array(space.balance)[:, None], list(space.rows)])
     return maps
 
 

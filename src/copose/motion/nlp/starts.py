@@ -82,12 +82,11 @@ def started(
 
 
 def values_at(model: PostureModel, course: Course, q: Array) -> Array:
-    """Objective at every knot of a motion, (n, N); NaN or −∞ where there is none, (n,)."""
-    values = [
-        model.objectives(setting, posture[None])[0]
-        for setting, posture in zip(course.settings, q, strict=True)
-    ]
-    return np.array(values)
+    """Objective at the first knots of a motion, (k, N); NaN or −∞ where there is none, (k,)."""
+    settings = course.settings[: len(q)]
+    if model.objective.summable:
+        return model.objectives(model.together(settings), q)
+    return np.hstack([model.objectives(s, q[k][None]) for k, s in enumerate(settings)])
 
 
 def loaded(setting: Setting, drive: JointRates) -> PostureContext:

@@ -11,6 +11,7 @@ import numpy as np
 from copose.cell.cell import Cell
 from copose.cell.notes import extreme_notes, once, standing_notes
 from copose.motion.dynamics.least_norm import tracked
+from copose.motion.nlp.starts import values_at
 from copose.motion.path.knots import Course
 from copose.motion.path.object_motion import ObjectMotion
 from copose.motion.search.obstruction import Obstruction
@@ -147,10 +148,9 @@ class Answer:
         """The aggregate and record of least-norm tracking from the first posture."""
         first = [joints[0] for joints in q]
         motion = tracked(model, journey, first, len(course), duration)
-        values: list[float | None] = [None] * len(course)
-        for k, (setting, posture) in enumerate(zip(course.settings, motion.q, strict=False)):
-            value = float(model.objectives(setting, posture[None])[0])
-            values[k] = value if np.isfinite(value) else None
+        known = values_at(model, course, motion.q).tolist()
+        values = [value if np.isfinite(value) else None for value in known]
+        values += [None] * (len(course) - len(values))
         record = TrackingRecord(objective=tuple(values), reason=motion.reason)
         return self._aggregate(values), record
 
