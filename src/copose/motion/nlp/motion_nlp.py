@@ -30,6 +30,7 @@ class MotionProgramOptions:
 
     tolerance: float = 1e-8  # IPOPT's
     barrier: float = 1e-2  # first barrier parameter
+    plain_barrier: float = 1e-4  # the same where joints alone vary
     shortest_tolerance: float = 1e-6  # of the shortest duration, and its barrier from a start near
     shortest_barrier: float = 1e-3  # the answer: many limits make a motion long with a larger one
     near_barrier: float = 1e-5  # the same from a start near the answer,
@@ -39,8 +40,8 @@ class MotionProgramOptions:
     smoothing: float = 1e-6  # cost of S over the squared duration where the objective counts not
     least_stretch: float = 1e-6  # lower bound of the stretch of the duration
 
-    def ipopt(self, *, shortest: bool, near: bool, warm: bool) -> dict[str, Any]:
-        """Options of IPOPT from a start near the answer, or with known multipliers."""
+    def ipopt(self, *, shortest: bool, near: bool, warm: bool, plain: bool) -> dict[str, Any]:
+        """Options of IPOPT near the answer, with known multipliers, or where joints alone vary."""
         options = ipopt_options() | {
             "no_nlp_grad": True,
             "ipopt.tol": self.shortest_tolerance if shortest else self.tolerance,
@@ -56,6 +57,9 @@ class MotionProgramOptions:
         elif near:
             options |= {"ipopt.mu_init": self.near_barrier}
             options |= {f"ipopt.{push}": self.near_push for push in pushes}
+        elif plain:
+            multipliers = {"ipopt.bound_mult_init_method": "mu-based"}
+            options |= {"ipopt.mu_init": self.plain_barrier} | multipliers
         return options
 
 
@@ -245,6 +249,7 @@ class MotionProgram:
             shortest=self._task.shared == "stretch",
             near=inputs.near,
             warm=inputs.warm is not None,
+            plain=self._size == self._joints,
         )
         options |= {"ipopt.max_iter": inputs.iterations, **self._callbacks}
         return Ipopt("motion", self._oracle, (width, 0, height), options)
