@@ -6,7 +6,7 @@ What joins are pairs of bodies that the answer ran into, and facets of an exact 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -71,10 +71,10 @@ class MotionRequest:
     speeds: Array  # of joints, (N,)
     shares: Array  # factors of torque limits by knot, (n,)
     calm: Array  # factors of acceleration limits alike
-    roughly: bool = False  # whether demands that the program leaves out stay out
     # Motions that ran into bodies where the same was wanted: what comes to one of them ends as it
     # did.
-    met: list[Met] = field(default_factory=list)
+    met: list[Met]
+    roughly: bool = False  # whether demands that the program leaves out stay out
 
 
 class Solver:

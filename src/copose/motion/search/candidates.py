@@ -334,9 +334,8 @@ class CandidateSearch:
     def _valued(self, route: Route, shaped: OptimisedMotion) -> Candidate:
         if not shaped.converged:
             return Candidate(route, shaped, None)
-        tried = Candidate(
-            route, shaped, self.finisher.value(self.course, shaped.q, shaped.duration)
-        )
+        value = self.finisher.shaper.value(self.course, shaped.q, shaped.duration)
+        tried = Candidate(route, shaped, value)
         self.tried.append(tried)
         return tried
 

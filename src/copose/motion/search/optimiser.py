@@ -114,8 +114,8 @@ class MotionOptimiser:
             conditions: what it has to keep.
             met: see `shaped`.
         """
-        case = self._case(course, conditions)
-        return self._quickest(case if met is None else replace(case, met=met), q)
+        case = replace(self._case(course, conditions, met), kind=MotionKind.SHORTEST)
+        return self._solver.solved(case, q)
 
     def loose(
         self, course: Course, q: Array, conditions: EndConditions, *, calm: float = 0.0
@@ -159,8 +159,7 @@ class MotionOptimiser:
             met: motions that ran into bodies where the same was wanted, to which others are added.
             warm: multipliers of the program that it is the answer of, where it is.
         """
-        case = replace(self._case(course, conditions), near=near, roughly=roughly)
-        case = case if met is None else replace(case, met=met)
+        case = replace(self._case(course, conditions, met), near=near, roughly=roughly)
         return self._timed(case, q, partial(self._best, warm=warm))
 
     def _best(
@@ -174,9 +173,6 @@ class MotionOptimiser:
             return self._solver.solved(replace(case, near=False), q)
         return motion
 
-    def _quickest(self, case: MotionRequest, q: Array) -> OptimisedMotion:
-        return self._solver.solved(replace(case, kind=MotionKind.SHORTEST), q)
-
     def _timed(
         self, case: MotionRequest, q: Array, best: Callable[[MotionRequest, Array], OptimisedMotion]
     ) -> OptimisedMotion:
@@ -185,7 +181,7 @@ class MotionOptimiser:
         """
         if not self.shortest:
             return best(case, q)
-        quick = self._quickest(case, q)
+        quick = self._solver.solved(replace(case, kind=MotionKind.SHORTEST), q)
         if not quick.converged:
             return quick
         # As it is reported a motion lasts longer: that is the time that it may take.
@@ -237,9 +233,8 @@ class MotionOptimiser:
             conditions: what it had to keep.
         """
         case, options = self._case(course, conditions), self._options
-        known = motion
+        known, used = motion, self._used(course, motion)
         for _ in range(options.tightenings):
-            used = self._used(course, motion)
             if not motion.converged or used.within or (self.shortest and used.forces_within):
                 break
             case = replace(
@@ -249,9 +244,11 @@ class MotionOptimiser:
                 calm=case.calm * self._left(used.accelerations),
             )
             motion = self._solver.solved(case, motion.q, motion.multipliers)
+            used = self._used(course, motion)
         if self.shortest:
             motion = self.lengthened(course, motion if motion.converged else known)
-        if not motion.converged or self.keeps_limits(course, motion):
+            used = self._used(course, motion)
+        if not motion.converged or used.within:
             return motion
         return replace(motion, converged=False, status="Limits_Not_Kept", violated=("", 0, 0.0))
 
@@ -280,7 +277,9 @@ class MotionOptimiser:
         cut = np.minimum(options.excess * over, options.most_cut)
         return np.asarray(np.where(over > 0, 1 - cut - options.least_cut, 1.0))
 
-    def _case(self, course: Course, conditions: EndConditions) -> MotionRequest:
+    def _case(
+        self, course: Course, conditions: EndConditions, met: list[Met] | None = None
+    ) -> MotionRequest:
         every = np.ones(len(course))
         return MotionRequest(
             course=course,
@@ -292,6 +291,7 @@ class MotionOptimiser:
             speeds=self.speeds,
             shares=every,
             calm=every,
+            met=[] if met is None else met,
         )
 
     def _used(self, course: Course, motion: OptimisedMotion) -> _Used:
@@ -303,9 +303,9 @@ class MotionOptimiser:
             accelerations=accelerations.max(axis=1),
         )
 
-    def worth(self, course: Course, q: Array, duration: float) -> tuple[float, float]:
-        """The aggregate of a motion and S."""
+    def value(self, course: Course, q: Array, duration: float) -> float:
+        """Aggregate − smoothness · S of a motion, (n, N)."""
         values = values_at(self._model, course, q)
         aggregate = float(values.min() if self._worst else values.mean())
         rates = np.diff(q, axis=0) * (len(q) - 1) / duration
-        return aggregate, float((rates**2).mean())
+        return aggregate - self.smoothness(duration) * float((rates**2).mean())

@@ -71,11 +71,6 @@ class Refiner:
         parts = self.model.split(q)
         return np.hstack(closed_at(self.model, self.journey, parts, course.phases))
 
-    def value(self, course: Course, q: Array, duration: float) -> float:
-        """Aggregate − smoothness · S of a motion, (n, N)."""
-        aggregate, S = self.shaper.worth(course, q, duration)
-        return aggregate - self.shaper.smoothness(duration) * S
-
     def finished(
         self, best: OptimisedMotion, conditions: EndConditions
     ) -> CheckedMotion | Obstruction:
@@ -129,7 +124,7 @@ class Refiner:
         return self.options.most_margin * self.model.cell.problem.constraints.clearance
 
     def _accepted(self, seen: CheckedMotion) -> CheckedMotion:
-        value = self.value(seen.course, np.hstack(seen.q), seen.duration)
+        value = self.shaper.value(seen.course, np.hstack(seen.q), seen.duration)
         return replace(seen, value=value)
 
     def unfinished(self, best: OptimisedMotion) -> CheckedMotion | None:
