@@ -16,7 +16,6 @@ from copose.motion.path.knots import Course
 from copose.poses import Array, Indices, Mask
 from copose.posture.model import PostureModel
 from copose.posture.search.effort import EFFORTS
-from copose.selection import far_apart_rows
 from copose.self_motion.projection import CLOSED, project
 from copose.self_motion.sampling import ArmSampler
 
@@ -174,18 +173,18 @@ class Roadmap:
         rng = np.random.default_rng([seed, self._i])
         options = self._options
         sample = sampler.sample(rng, effort.batch, effort.batches, options.drawn, effort.insistence)
-        q = self._thinned(sample.closed[:0], sample.closed, 0.5 * self.spacing)
+        q = sample.closed[self._thinned(sample.closed[:0], sample.closed, 0.5 * self.spacing)]
         while len(q) > self._most:
             # Long self-motions are sampled more coarsely, not in part.
             self.spacing *= options.coarser
-            q = self._thinned(q[:0], q, 0.5 * self.spacing)
+            q = q[self._thinned(q[:0], q, 0.5 * self.spacing)]
         # The sample may be coarser than what bodies leave.
         return q if self.spacing >= options.spacing else self._grown(q, self._most)
 
     def _grown(self, q: Array, most: int) -> Array:
         """Postures of the first layer that given ones spread to along their self-motions."""
         while len(q) and len(q) < most:
-            added = self._next_to(q, 0)
+            added = self._next_to(q, self._tangents(q, 0), 0)
             if not len(added):
                 break
             q = np.vstack([q, added])
@@ -208,20 +207,21 @@ class Roadmap:
         before, options = self.layers[-1].q, self._options
         carried, closed = self._project(before, k)
         closed &= np.abs(carried - before).max(axis=1) <= options.carried
-        q = self._thinned(must, carried[closed], options.alike)
-        room = self._most + len(must)
-        distance = 0.5 * self.spacing
-        while len(q) > room:
-            q = self._thinned(must, carried[closed], distance)
-            distance *= options.coarser
-        if len(q) and len(q) < room:
-            q = np.vstack([q, self._next_to(q, k)])[:room]
         carried[~closed] = np.nan
-        return Layer(q, carried, self._moves(before, carried, q, k))
+        many, known = carried[closed], len(must)
+        tangents = self._tangents(np.vstack([must, many]), k)
+        kept, distance = self._thinned(must, many, options.alike), 0.5 * self.spacing
+        while len(kept) > self._most:
+            kept = self._thinned(must, many, distance)
+            distance *= options.coarser
+        q = np.vstack([must, many[kept]])
+        if 0 < len(q) < self._most + known:
+            own = np.concatenate([tangents[:known], tangents[known + kept]])
+            q = np.vstack([q, self._next_to(q, own, k)])[: self._most + known]
+        return Layer(q, carried, self._moves(before, carried, tangents[known:], q))
 
-    def _next_to(self, q: Array, k: int) -> Array:
+    def _next_to(self, q: Array, tangents: Array, k: int) -> Array:
         """Closed postures a spacing from others, along self-motions, where there are none yet."""
-        tangents = self._tangents(q, k)
         steps = self.spacing * np.concatenate([tangents, -tangents], axis=1)
         drawn = (q[:, None] + steps).reshape(-1, q.shape[1])
         drawn = drawn[np.all((drawn >= self._lower) & (drawn <= self._upper), axis=1)]
@@ -230,7 +230,7 @@ class Roadmap:
             return drawn
         ends, closed = self._project(drawn, k)
         closed &= np.abs(ends - drawn).max(axis=1) <= self.spacing
-        return self._thinned(q, ends[closed], 0.5 * self.spacing)[len(q) :]
+        return ends[closed][self._thinned(q, ends[closed], 0.5 * self.spacing)]
 
     def _tangents(self, q: Array, k: int) -> Array:
         """Orthonormal directions of the self-motion, (count, n − m, n)."""
@@ -248,17 +248,14 @@ class Roadmap:
             near[rows[far], columns[far]] = False
         return np.asarray(~near.any(axis=1))
 
-    def _thinned(self, known: Array, q: Array, distance: float) -> Array:
-        """The known postures and, in their order, those that keep a distance from all before."""
-        q = q[self._clear_of(known, q, distance)] if len(known) and len(q) else q
-        if len(q) == 0:
-            return np.vstack([known, q])
+    def _thinned(self, known: Array, q: Array, distance: float) -> Indices:
+        """Numbers of postures that keep a distance from known ones and from all before them."""
+        free = self._clear_of(known, q, distance).tolist()
         rows, columns = self._near(q, q, distance)
-        edges = np.searchsorted(rows, np.arange(len(q) + 1))
-        chosen = far_apart_rows(
-            np.ones(len(q), dtype=bool), lambda row, _: columns[edges[row] : edges[row + 1]]
-        )
-        return np.vstack([known, q[chosen]])
+        later = columns > rows
+        for row, column in zip(rows[later].tolist(), columns[later].tolist(), strict=True):
+            free[column] = free[column] and not free[row]
+        return np.flatnonzero(free)
 
     def _near(self, q: Array, points: Array, distance: float) -> tuple[Indices, Indices]:
         """Pairs of postures and points within a distance, by number; rows ascend."""
@@ -270,21 +267,21 @@ class Roadmap:
         """Squared chords between postures, no longer than arcs, (count, count'); rounded, for they
         are products of matrices.
         """
-        one, other = (self._cell.embedded(self._i, x) for x in (q, points))
+        one = self._cell.embedded(self._i, q)
+        other = one if points is q else self._cell.embedded(self._i, points)
         squares = (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2 * one @ other.T
         return np.asarray(squares)
 
-    def _moves(self, before: Array, carried: Array, q: Array, k: int) -> Array:
+    def _moves(self, before: Array, carried: Array, tangents: Array, q: Array) -> Array:
+        """See `Layer`; ``tangents`` of those carried postures that close."""
         options, moves = self._options, np.full((len(before), *q.shape), np.nan)
         closed = np.flatnonzero(np.isfinite(carried[:, 0]))
         if len(q) == 0 or len(closed) == 0:
             return moves
-        # Tangents where something is near.
-        rows, columns = self._near(carried[closed], q, options.carried_apart * self.spacing)
-        tangents = self._tangents(carried[closed], k)[rows]
-        rows = closed[rows]
+        near, columns = self._near(carried[closed], q, options.carried_apart * self.spacing)
+        rows = closed[near]
         offset = self.apart(q[columns], carried[rows])
-        along = np.linalg.norm((tangents @ offset[:, :, None])[:, :, 0], axis=1)
+        along = np.linalg.norm((tangents[near] @ offset[:, :, None])[:, :, 0], axis=1)
         length = np.linalg.norm(offset, axis=1)
         aside = np.sqrt(np.maximum(length**2 - along**2, 0.0))
         fine = (aside <= options.aslant * length) | (length <= 5 * options.alike)
