@@ -37,7 +37,7 @@ from copose.results import BasinRecord, Motion, Optimum, PathSearchRecord, Route
 class MakingOptions:
     """Options of the search for a motion."""
 
-    layers: int = 25  # of the graph, at least
+    layers: int = 21  # of the graph, at least
     still_layers: int = 81  # the same where the object stays: arms go far along self-motions
     free_layers: int = 5  # the same where arms have no posture to start or to end in either
     most_layers: int = 201  # of the graph, at most
