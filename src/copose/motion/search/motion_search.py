@@ -31,6 +31,7 @@ from copose.posture.search.clear_samples import alone_clear
 from copose.problem import PathSpec
 from copose.progress import StoppedError, attained, sheltered, stage
 from copose.results import BasinRecord, Motion, Optimum, PathSearchRecord, RouteRecord
+from copose.selection import groups
 
 
 @dataclass(frozen=True)
@@ -59,9 +60,6 @@ class MakingOptions:
 class _SoFar:
     """Intermediate results of a search, for a call that has to end early."""
 
-    course: Course | None = None
-    roadmaps: list[Roadmap] = field(default_factory=list)
-    combinations: int = 0
     trial: CandidateSearch | None = None
     finished: CheckedMotion | None = None
 
@@ -106,14 +104,14 @@ class MotionSearch:
             StoppedError: there is none yet.
         """
         trial, motion = so_far.trial, so_far.finished
-        if trial is None or so_far.course is None:
+        if trial is None:
             raise stop
         tried = Outcome.of(trial.tried, None, shortest=self.finisher.shaper.shortest).tried
         for candidate in tried[: self.options.asked]:
             motion = motion or self.finisher.unfinished(candidate.shaped)
         if motion is None:
             raise stop
-        record = self._record(so_far.course, so_far.roadmaps, so_far.combinations, tried)
+        record = self._record(trial.course, trial.roadmaps, trial.values.combinations, tried)
         self.answer.notes.append(best_so_far(stop))
         return self.answer.solved(self.model, self.finisher.journey, motion, record)
 
@@ -131,7 +129,6 @@ class MotionSearch:
         why = refuted(self.finisher, course, held, self.answer.duration)
         if why is not None:
             return self.answer.stopped(why, None)
-        so_far.course = course
         fineness = options.among_bodies if self._bodies_matter else (1,)
         for finer in fineness:
             # Nobody has said how long it may take where there is no path.
@@ -165,8 +162,7 @@ class MotionSearch:
             finer: how many times nearer to each other postures are than they need be.
             slower: how many longer durations are tried.
         """
-        so_far.roadmaps = []
-        roadmaps = so_far.roadmaps
+        roadmaps: list[Roadmap] = []
         why = self._follow(course, held, roadmaps, finer)
         if why is not None:
             return why, self._record(course, roadmaps, 0, [])
@@ -191,7 +187,6 @@ class MotionSearch:
                 break
             trial = so_far.trial = trial.lasting(2 * trial.duration)
             outcome = trial.outcome()
-        so_far.combinations = values.combinations
         record = self._record(course, roadmaps, values.combinations, outcome.tried)
         if outcome.why is not None:
             return outcome.why, record
@@ -279,22 +274,12 @@ class MotionSearch:
     ) -> CheckedMotion | Obstruction:
         """The best motion, of the next routes too where one falls behind what theirs promise."""
         best: CheckedMotion | Obstruction | None = None
-        known: list[Array] = []
-        for candidate in tried:
-            if candidate.value is None:
-                break
+        for candidate, *_ in _distinct(tried):
             shaped = candidate.shaped
-            if any(same_motion(shaped.q, q) for q in known):
-                continue
-            known.append(shaped.q)
             if isinstance(best, CheckedMotion) and not self._behind(best, candidate):
                 break
             motion = self.finisher.finished(shaped, trial.conditions(shaped.q, shaped.duration))
-            if (
-                best is None
-                or isinstance(best, Obstruction)
-                or (isinstance(motion, CheckedMotion) and self._better(motion, best))
-            ):
+            if not isinstance(best, CheckedMotion) or self._better(motion, best):
                 best = motion
             if isinstance(best, CheckedMotion):
                 so_far.finished = best
@@ -310,7 +295,9 @@ class MotionSearch:
         assert other.value is not None
         return motion.value < other.value - falls * (1 + abs(other.value))
 
-    def _better(self, motion: CheckedMotion, best: CheckedMotion) -> bool:
+    def _better(self, motion: CheckedMotion | Obstruction, best: CheckedMotion) -> bool:
+        if isinstance(motion, Obstruction):
+            return False
         if self.finisher.shaper.shortest:
             return motion.duration < best.duration
         return motion.value > best.value
@@ -332,22 +319,23 @@ class MotionSearch:
                 RouteRecord(graph=one.route.worth, value=one.value, status=one.shaped.status)
                 for one in tried
             ),
-            basins=self._basins([one for one in tried if one.value is not None]),
+            basins=self._basins(tried),
         )
 
-    def _basins(self, motions: Sequence[Candidate]) -> BasinRecord:
+    def _basins(self, tried: Sequence[Candidate]) -> BasinRecord:
         """Counts of the routes that led to each of the motions that programs made of them."""
-        distinct: list[list[Candidate]] = []
-        for one in motions:
-            alike = [k for k in distinct if same_motion(one.shaped.q, k[0].shaped.q)]
-            if alike:
-                alike[0].append(one)
-            else:
-                distinct.append([one])
-        optima = [Optimum(objective=self._worth(k[0]), count=len(k)) for k in distinct]
+        optima = [
+            Optimum(objective=self._worth(each[0]), count=len(each)) for each in _distinct(tried)
+        ]
         return BasinRecord.of(optima, max((o.objective for o in optima), default=None))
 
     def _worth(self, candidate: Candidate) -> float:
         """The objective of a candidate that is a motion."""
         shortest = self.finisher.shaper.shortest
         return -candidate.shaped.duration if shortest else float(candidate.value or 0.0)
+
+
+def _distinct(tried: Sequence[Candidate]) -> list[list[Candidate]]:
+    """Candidates that are motions, those that are one together."""
+    motions = [one for one in tried if one.value is not None]
+    return groups(motions, lambda one, other: same_motion(one.shaped.q, other.shaped.q))
