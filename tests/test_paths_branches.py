@@ -14,7 +14,8 @@ import scipy.linalg
 from scipy.optimize import linprog
 
 import copose
-from cells import planar
+from cells import planar, tables
+from copose.motion import PathPlanner
 from dense_program import _two_links
 from path_problems import GRAVITY, along, hinged, single_hinged
 from path_truth import PathTruth, faults
@@ -217,3 +218,26 @@ def test_all_branches_of_three_arms_count(least: float) -> None:
     bends = [motion.knots[0].joints[arm["name"]][1] for arm in cell["arms"]]
     assert tuple(np.sign(bends)) == best
     assert needed(cell, motion, limits)[0] == pytest.approx(least, abs=1e-6)
+
+
+@pytest.mark.parametrize(("aggregate", "least"), [("mean", 1.477), ("worst", 1.471)])
+def test_arms_that_a_graph_knows_in_part_begin_with_the_best_postures(
+    aggregate: str, least: float
+) -> None:
+    # Two degrees of freedom to spare each, and the best motion in a corner of their joint limits.
+    cell = tables("two-planar-4r")
+    cell["task"]["space"] = "planar-linear"
+    cell["object"] |= {"mass": 0.8, "position": [0.19, -0.19], "angle": -0.29}
+    lengths = [0.3, 0.38, 0.27, 0.35], [0.37, 0.36, 0.34, 0.33]
+    places = ([0.58, -0.59], 0.15), ([-0.04, 0.9], -0.15)
+    for arm, own, (base, grasp) in zip(cell["arms"], lengths, places, strict=True):
+        arm["links"] = [
+            {"length": x, "mass": 2 * x, "inertia": x**3 / 6, "com": x / 2} for x in own
+        ]
+        arm["base"], arm["grasp"] = {"position": base}, {"position": [grasp, 0.0]}
+        arm["position_limits"] = [[-2.6, 2.6]] * 4
+    end = {"position": [0.26, -0.15], "angle": -0.39}
+    cell = along(cell, {}, end, knots=20, aggregate=aggregate)
+    planner = PathPlanner(copose.parse(cell))
+    values = [planner.plan(seed=seed).objective.after for seed in range(2)]
+    assert min(values) > least and max(values) - min(values) < 1e-5

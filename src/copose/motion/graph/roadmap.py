@@ -97,6 +97,7 @@ class Roadmap:
         *,
         returns: bool,
         finer: int = 1,
+        best: Array | None = None,
         options: RoadmapOptions = RoadmapOptions(),
     ) -> None:
         """Follow arm i along the object's path.
@@ -110,6 +111,7 @@ class Roadmap:
             goal: the posture that it ends in, alike.
             returns: whether it ends in the posture that it began with.
             finer: how many times nearer to each other postures of a curve are than they need be.
+            best: postures that the first layer has where there is no start, (count, n).
             options: of the roadmap.
         """
         self._options = options
@@ -125,8 +127,8 @@ class Roadmap:
         finer = finer if self.simple else 1
         self.spacing, self._most = options.spacing / finer, finer * self._most
         self.held: list[int | None] = [None, None]
-        first = self._first(start, seed)
         nothing = np.zeros((0, self._kernels.n))
+        first = self._first(start, nothing if best is None else best, seed)
         ends = nothing if goal is None else goal[None]
         if goal is None and returns:
             ends = first if self.held[0] is None else first[[self.held[0]]]
@@ -138,17 +140,20 @@ class Roadmap:
         if goal is not None:
             self.held[1] = self._number(self.layers[-1].q, goal)
 
-    def _first(self, start: Array | None, seed: int) -> Array:
-        """Postures of the first layer; the start, if there is one, is the first of them."""
+    def _first(self, start: Array | None, best: Array, seed: int) -> Array:
+        """Postures of the first layer; the start, or else the best, come first, and are followed
+        whatever is beside them.
+        """
         if start is None:
-            return self._sampled(seed)
-        self.held[0] = 0
-        if self.simple:
-            # What is on no curve with it can never be reached.
-            return self._grown(start[None], self._options.from_start * self._most)
-        q = self._sampled(seed)
-        distinct = np.abs(self.apart(q, start)).max(axis=1, initial=0.0) > self._options.alike
-        return np.vstack([start[None], q[distinct]])
+            known, closed = self._project(best, 0)
+            known = known[closed]
+        else:
+            self.held[0], known = 0, start[None]
+            if self.simple:
+                # What is on no curve with it can never be reached.
+                return self._grown(known, self._options.from_start * self._most)
+        q = np.vstack([known, self._sampled(seed)])
+        return q[self._thinned(q[:0], q, self._options.alike)]
 
     @property
     def count(self) -> int:

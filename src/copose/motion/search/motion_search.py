@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from copose.cell.notes import best_so_far
+from copose.motion.curve.hermite import closed_at
 from copose.motion.graph.node_values import NodeValues
 from copose.motion.graph.roadmap import Roadmap
 from copose.motion.nlp.constraint_generation import same_motion
@@ -28,6 +29,8 @@ from copose.poses import Array
 from copose.posture.model import PostureModel
 from copose.posture.run.acceptance import Acceptance
 from copose.posture.search.clear_samples import alone_clear
+from copose.posture.search.effort import EFFORTS
+from copose.posture.search.global_search import search
 from copose.problem import PathSpec
 from copose.progress import StoppedError, attained, sheltered, stage
 from copose.results import BasinRecord, Motion, Optimum, PathSearchRecord, RouteRecord
@@ -53,6 +56,7 @@ class MakingOptions:
     longer: float = 1.05  # times the graph's shortest duration that a motion lasts at first
     travel: float = 1.0  # that joints go which torques or accelerations limit, rad or m, about
     slower: int = 3  # longer durations tried where the object stays, each twice the one before
+    begun: int = 12  # best postures at either end, where surfaces of them are known in part
     asked: int = 2  # motions known when the planner has to end that are checked
 
 
@@ -219,23 +223,39 @@ class MotionSearch:
         self, course: Course, held: Ends, roadmaps: list[Roadmap], finer: int
     ) -> Obstruction | None:
         """Make a roadmap for each arm; an obstruction where one does not go through."""
-        cell = self.model.cell
-        parts = zip(cell.system.split(held.first), cell.system.split(held.last), strict=True)
-        for i, both in enumerate(parts):
-            stage(f"following arm {cell.arms[i].name}", i, len(cell.arms))
-            start, goal = (q if np.isfinite(q).all() else None for q in both)
-            roadmap = self._roadmap(course, i, start, goal, finer)
+        best = self._best_first(course, held)
+        for i, arm in enumerate(self.model.cell.arms):
+            stage(f"following arm {arm.name}", i, len(self.model.arms))
+            roadmap = self._roadmap(course, i, held, finer, best)
             coarse = roadmap.through and roadmap.spare == 1 and finer < self.options.finer
             if coarse and self._left(course, i, roadmap) < self.options.little:
-                roadmap = self._roadmap(course, i, start, goal, self.options.finer)
+                roadmap = self._roadmap(course, i, held, self.options.finer)
             roadmaps.append(roadmap)
             if roadmap.through:
                 continue
-            surely = partial(self._cut, course, roadmap, i, start, goal)
+            surely = partial(self._cut, course, roadmap, i, held)
             return disconnected(
                 self.model, course, roadmap, i, self.answer.duration, self.seed, surely=surely
             )
         return None
+
+    def _best_first(self, course: Course, held: Ends) -> Array | None:
+        """The best postures of both ends, the last's carried back to the first, (count, N), where
+        arms may begin in any and the roadmaps know surfaces of postures in part; else None.
+        """
+        arms = zip(self.model.arms, self.model.cell.arms, strict=True)
+        surfaces = any(kernels.n > kernels.m + 1 and not arm.fixed for kernels, arm in arms)
+        if not surfaces or np.isfinite(held.first).any():
+            return None
+        best = []
+        for last in (0, len(course) - 1):
+            optima = search(self.model, course.settings[last], self.seed, EFFORTS["normal"]).optima
+            some = [optimum.q for optimum in optima[: self.options.begun]]
+            q = self.model.split(np.reshape(some, (-1, len(held.first))))
+            for phase in course.phases[:last][::-1]:
+                q = closed_at(self.model, self.finisher.journey, q, np.full(len(some), phase))
+            best.append(np.hstack(q))
+        return np.vstack(best)
 
     def _left(self, course: Course, i: int, roadmap: Roadmap) -> float:
         """The part of an arm's postures that keeps clear of all but the other arms, about; 1
@@ -251,23 +271,24 @@ class MotionSearch:
         clear = [alone_clear(setting, i, layer.q) for setting, layer in layers]
         return float(np.mean(np.concatenate(clear)))
 
-    def _cut(
-        self, course: Course, roadmap: Roadmap, i: int, start: Array | None, goal: Array | None
-    ) -> bool:
+    def _cut(self, course: Course, roadmap: Roadmap, i: int, held: Ends) -> bool:
         """True where it is sure that an arm does not go through: its postures are points, or curves
         that do not go through when they are followed more finely; surfaces are known in part.
         """
         if roadmap.spare != 1:
             return roadmap.spare == 0
         fine = self.finisher.course(2 * len(course) - 1)
-        return not self._roadmap(fine, i, start, goal, self.options.finer).through
+        return not self._roadmap(fine, i, held, self.options.finer).through
 
     def _roadmap(
-        self, course: Course, i: int, start: Array | None, goal: Array | None, finer: int
+        self, course: Course, i: int, held: Ends, finer: int, best: Array | None = None
     ) -> Roadmap:
+        split, known = self.model.split, (held.first, held.last)
+        start, goal = (split(q)[i] if np.isfinite(split(q)[i]).all() else None for q in known)
         return Roadmap(
-            self.model, course, i, self.seed, start, goal, returns=self.path.closed, finer=finer
-        )
+            self.model, course, i, self.seed, start, goal,
+            returns=self.path.closed, finer=finer, best=None if best is None else split(best)[i],
+        )  # fmt: skip
 
     def _finished(
         self, tried: Sequence[Candidate], trial: CandidateSearch, so_far: _SoFar
