@@ -118,8 +118,3 @@ class CurveStep:
             self.q[rows], self.tangent[rows], self.cosine[rows], self.orientation[rows],
             self.closed[rows],
         )  # fmt: skip
-
-
-def null_vectors(J: Array) -> Array:
-    """Unit vectors t with J t = 0, (k, n), of matrices with one column more than rows."""
-    return np.asarray(np.linalg.qr(J.swapaxes(1, 2), mode="complete")[0][:, :, -1])

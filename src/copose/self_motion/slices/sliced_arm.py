@@ -10,7 +10,6 @@ from copose.poses import Array, Indices, Mask, Pose
 from copose.problem import Space
 from copose.robots import Arm, finite_range
 from copose.self_motion.kernels import ArmKernels
-from copose.self_motion.manifold import null_vectors
 from copose.self_motion.projection import project
 from copose.self_motion.slices.elimination import loop_angles, turns
 from copose.self_motion.slices.planar_loops import planar_angles
@@ -78,8 +77,8 @@ class SlicedArm:
         goals = self.kernels.gap(q, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
         if n == self._space.m:
             return self._chosen(None, q, goals)
-        J = [self.kernels.residual(row[None], g)[1][0] for row, g in zip(q, goals, strict=True)]
-        moves = np.abs(null_vectors(np.array(J))).mean(axis=0)
+        assert self.kernels.tangent is not None
+        moves = np.abs(self.kernels.tangent(q, goals)[:, :n]).mean(axis=0)
         ranked = np.argsort(-moves, kind="stable").tolist()
         thirds = [[j for j in ranked if j in third]
                   for third in np.array_split(np.arange(n), options.joints)]  # fmt: skip
