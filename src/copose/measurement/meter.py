@@ -20,7 +20,7 @@ from copose.measurement.torque_limits import Allowances, TorqueLimitReport
 from copose.measurement.velocity_force import Companions
 from copose.objectives.objective import Objective
 from copose.objectives.registry import objective_of
-from copose.poses import Array
+from copose.poses import Array, Pose
 from copose.results import (
     ArmRecord,
     EllipsoidRecord,
@@ -151,7 +151,8 @@ class Meter:
         """The ellipsoids, closure and skeletons of a posture, by arm (n_i,), and what limits allow;
         with ``everything`` also what the problem does not ask for.
         """
-        errors, records, notes = self._by_arm(cell, joints)
+        pose = cell.problem.object.pose
+        errors, records, notes = self._by_arm(cell, joints, pose)
         ellipsoids: dict[str, Ellipsoid | None] = dict.fromkeys(RESOLUTIONS)
         closed = not notes
         if closed and not cell.weightless:
@@ -170,7 +171,7 @@ class Meter:
         }
         posture = Posture(
             joints={arm.name: vector(q) for arm, q in zip(cell.arms, joints, strict=True)},
-            object=place(cell.problem.object.pose, planar),
+            object=place(pose, planar),
             closure_error=errors,
             ellipsoid=EllipsoidRecord.of(ellipsoid),
             log_volumes={
@@ -191,10 +192,10 @@ class Meter:
         return Measurement(posture, ellipsoid, value, tuple(notes), allowed.extremes)
 
     def _by_arm(
-        self, cell: Cell, joints: Sequence[Array]
+        self, cell: Cell, joints: Sequence[Array], pose: Pose
     ) -> tuple[dict[str, float], dict[str, ArmRecord], list[str]]:
         """Closure errors, skeletons and ellipsoids by arm, and notes on arms that are singular."""
-        space, pose = cell.system.space, cell.problem.object.pose
+        space = cell.system.space
         errors, records, notes = {}, {}, []
         for arm, function, q in zip(cell.arms, self._arms, joints, strict=True):
             gap, turn, J, own, placements = function(q, cell.parameters)

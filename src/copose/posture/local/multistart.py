@@ -156,8 +156,7 @@ class LocalSearches:
         ends = model.polisher(setting).polish(starts)
         held = model.feasibility.allowed(setting, ends.q)
         solved = ends.converged & model.objective.smooth & held
-        values = model.objectives(setting, ends.q)
-        for q, value in zip(ends.q[solved], values[solved], strict=True):
+        for q, value in zip(ends.q[solved], ends.value[solved], strict=True):
             self.keep(q, value)
         left = self._left(ends, solved | ~held)
         # Where torque limits or bodies end a climb IPOPT climbs with them, from a start that keeps
