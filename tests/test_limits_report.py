@@ -23,7 +23,7 @@ from copose.report.geometry.hulls import Hull as Solid
 from copose.report.geometry.slices import angular_slice, linear_slice
 from copose.report.look import LOOK
 from copose.report.panels import result_panels
-from copose.report.scene.forces import holding_arrows
+from copose.report.scene.planar import holding_arrows
 from copose.report.text import comparison_table, solution_table
 from copose.report.text.limits import limit_lines
 from copose.report.words import gain_words, objective_name, three, value_words

@@ -35,9 +35,8 @@ from copose.report.figures.cases import cases_figure
 from copose.report.figures.planar import planar_figure
 from copose.report.figures.spatial import spatial_figure
 from copose.report.geometry.camera import View, best_view
-from copose.report.geometry.free_ranges import ranges
-from copose.report.geometry.link_bodies import LinkBodies, LinkBody
-from copose.report.geometry.shapes import cut, near_obstacles
+from copose.report.geometry.hulls import LinkBodies, LinkBody
+from copose.report.geometry.shapes import cut, near_obstacles, ranges
 from copose.report.look import LOOK
 from copose.report.panels import NOWHERE, case_rows, moved_words
 from copose.report.panels import result_panels as panels

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from copose.errors import InputError, nearest
-from copose.formats.keyframes import keyframes_xml
 from copose.formats.postures import ExportedPosture, knots, problem_of
 from copose.formats.ros import (
     joint_state_yaml,
@@ -17,7 +16,7 @@ from copose.formats.ros import (
     robot_state_yaml,
     robot_trajectory_yaml,
 )
-from copose.formats.srdf import group_state_srdf
+from copose.formats.xml_files import group_state_srdf, keyframes_xml
 from copose.problem import SPACES, Problem
 from copose.results import Motion, Solution, write_file
 

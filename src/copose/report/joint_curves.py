@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from copose.poses import Array
-from copose.results import JointRecord, Knot, Motion
+from copose.results import JointRecord, Motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,10 +108,11 @@ def limit_shares(motion: Motion) -> list[LimitShare]:
     between = np.diff(positions, axis=0) / np.diff(time)[:, None]
     halfway = (time[:-1] + time[1:]) / 2
     order = np.argsort(np.concatenate([time, halfway]))
+    missing = {arm: (np.nan,) * len(joints) for arm, joints in motion.joint_names.items()}
     used = {
         "speed": (np.concatenate([time, halfway])[order], np.vstack([speeds, between])[order]),
         "acceleration": (time, _rows(motion, [knot.acceleration for knot in knots])),
-        "torque": (time, _rows(motion, [_torque(motion, knot) for knot in knots])),
+        "torque": (time, _rows(motion, [knot.torque or missing for knot in knots])),
     }
     names = [f"{arm}/{joint}" for arm, joints in motion.joint_names.items() for joint in joints]
     shares = []
@@ -137,9 +138,3 @@ def _limits(motion: Motion, kind: str) -> Array:
 def _rows(motion: Motion, parts: list[dict[str, tuple[float, ...]]]) -> Array:
     """Numbers by arm at some times as rows of all joints."""
     return np.array([[x for arm in motion.joint_names for x in part[arm]] for part in parts])
-
-
-def _torque(motion: Motion, knot: Knot) -> dict[str, tuple[float, ...]]:
-    """Torques at a knot, NaN where it does not state them."""
-    missing = {arm: (np.nan,) * len(joints) for arm, joints in motion.joint_names.items()}
-    return missing if knot.torque is None else knot.torque

@@ -1,6 +1,5 @@
 """A first problem file for robots that have none: arms, bases, object, grasps, commented TOML."""
 
-from copose.setup.problem_draft import default_name, draft
-from copose.setup.problem_writer import Wishes
+from copose.setup.problem_writer import Wishes, default_name, draft
 
 __all__ = ["Wishes", "default_name", "draft"]

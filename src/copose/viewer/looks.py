@@ -89,11 +89,11 @@ def _placed(vertices: np.ndarray, pose: Pose) -> np.ndarray:
     return np.asarray(vertices @ pose.rotation.T + pose.position, dtype=np.float32)
 
 
-def _skeleton(number: int, arm: Arm, look: SkeletonLook = SkeletonLook()) -> Iterator[Look]:
+def _skeleton(number: int, arm: Arm) -> Iterator[Look]:
     """Capsules from joint to joint, each in the frame of the joint before."""
     ends: list[Array] = [joint.placement.position for joint in arm.joints] + [arm.tip.position]
     length = sum(float(np.linalg.norm(end)) for end in ends)
-    radius = float(np.clip(look.radius * length, look.least, look.most))
+    radius = float(np.clip(SkeletonLook.radius * length, SkeletonLook.least, SkeletonLook.most))
     carriers = [Carrier("root", number)] + [Carrier("joint", number, j) for j in range(arm.n)]
     for carrier, end in zip(carriers, ends, strict=True):
         if np.linalg.norm(end) > 1e-6 or carrier.kind == "joint":

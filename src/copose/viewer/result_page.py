@@ -55,14 +55,9 @@ class CaptionLook:
         return f'<div><span style="{self.swatch.format(color)}"></span>{html.escape(words)}</div>'
 
 
-def caption_html(
-    result: Solution | Motion,
-    shown: Sequence[Posture],
-    slices: Slices,
-    look: CaptionLook = CaptionLook(),
-) -> str:
+def caption_html(result: Solution | Motion, shown: Sequence[Posture], slices: Slices) -> str:
     """The caption in a corner of a page: its title, the objective, and a legend of the colours."""
-    moves = isinstance(result, Motion)
+    look, moves = CaptionLook(), isinstance(result, Motion)
     title = html.escape(short(result.problem.name, 60))
     lines = [f'<div style="font-weight:600;font-size:15px">{title}</div>']
     words = filter(None, [_value(result, shown), evidence_words(result)])
@@ -101,11 +96,7 @@ class ResultPageOptions:
 
 
 def page_html(
-    result: Solution | Motion,
-    problem: Problem,
-    *,
-    posture: Posture | None = None,
-    options: ResultPageOptions = ResultPageOptions(),
+    result: Solution | Motion, problem: Problem, *, posture: Posture | None = None
 ) -> str:
     """A page of a posture, with the one before as a ghost, or of a motion, which plays in a loop.
 
@@ -113,7 +104,6 @@ def page_html(
         result: with ``after``, ``cases`` or ``knots``.
         problem: that was solved.
         posture: which of a solution's; left out, ``after``, or the first case's.
-        options: times and tolerances.
 
     Raises:
         InputError: there is nothing to show, the problem is not the result's, a robot cannot be
@@ -121,7 +111,7 @@ def page_html(
     """
     shown = _postures(result, posture)
     arms = load_arms(problem)
-    _check(result, problem, arms, shown[0], options.same)
+    _check(result, problem, arms, shown[0], ResultPageOptions.same)
     looks = link_looks(problem, arms)
     with _server() as server:
         scene = CellScene(server.scene, problem, arms, looks)
@@ -134,7 +124,7 @@ def page_html(
             scene.show_path(shown)
         page = server.get_scene_serializer()
         if isinstance(result, Motion) and result.time is not None:
-            for now, seconds in _played(shown, result.time, options):
+            for now, seconds in _played(shown, result.time):
                 scene.show(now)
                 page.insert_sleep(seconds)
         text = page.as_html()
@@ -147,13 +137,11 @@ def page_html(
     return text[: body.end()] + caption_html(result, shown, scene.slices) + text[body.end() :]
 
 
-def _played(
-    shown: Sequence[Posture], time: Sequence[float], options: ResultPageOptions
-) -> Iterator[tuple[Posture, float]]:
+def _played(shown: Sequence[Posture], time: Sequence[float]) -> Iterator[tuple[Posture, float]]:
     """The postures of a motion, repeated, each with the seconds for which it is seen."""
-    steps = [*np.diff(time).tolist(), options.rest]
-    steps[0] += options.rest
-    for _ in range(max(1, round(options.least / sum(steps)))):
+    steps = [*np.diff(time).tolist(), ResultPageOptions.rest]
+    steps[0] += ResultPageOptions.rest
+    for _ in range(max(1, round(ResultPageOptions.least / sum(steps)))):
         yield from zip(shown, steps, strict=True)
 
 

@@ -11,9 +11,8 @@ from copose.live.session.state import State
 from copose.poses import Array, Pose
 from copose.results import Posture
 from copose.robots import load_arms
-from copose.viewer.camera import CameraOptions
 from copose.viewer.looks import link_looks
-from copose.viewer.scene import CellScene
+from copose.viewer.scene import CameraOptions, CellScene
 
 
 class PageScene:

@@ -63,7 +63,7 @@ def _before_words(motion: Motion) -> str:
     return f"least-norm tracking: fails {failure_words(motion)}"
 
 
-def draw_joints(ax: Axes, motion: Motion, arm: str, look: ChartLook = ChartLook()) -> None:
+def draw_joints(ax: Axes, motion: Motion, arm: str) -> None:
     """The joints of an arm, each from −1 at its lower to 1 at its upper limit.
 
     Joints without limits are dashed, in turns; where none has any, all are in rad or m.
@@ -81,7 +81,7 @@ def draw_joints(ax: Axes, motion: Motion, arm: str, look: ChartLook = ChartLook(
         ax.axhline(0, color="#DDDDDD", linewidth=0.8)
     else:
         ax.margins(y=0.1)
-    positions = np.linspace(look.darkest, look.lightest, len(curves.bounded))
+    positions = np.linspace(ChartLook.darkest, ChartLook.lightest, len(curves.bounded))
     colors = matplotlib.colormaps["viridis"](positions)
     for i, color in enumerate(colors):
         loose = curves.limited and not curves.bounded[i]
@@ -89,30 +89,30 @@ def draw_joints(ax: Axes, motion: Motion, arm: str, look: ChartLook = ChartLook(
             time, curves.values[:, i], color=color, linewidth=1.8, linestyle="--" if loose else "-"
         )
     _along(ax, time)
-    _labels(ax, curves.values[-1], colors, look)
-    ax.set_ylabel(curves.unit, fontsize=look.letters, labelpad=1)
+    _labels(ax, curves.values[-1], colors)
+    ax.set_ylabel(curves.unit, fontsize=ChartLook.letters, labelpad=1)
     color = dict(zip(motion.joint_names, LOOK.arms * len(motion.limits), strict=False))[arm]
     _title(ax, f"joints of arm {short(arm)}", color=color)
 
 
-def _labels(ax: Axes, ends: Array, colors: Any, look: ChartLook) -> None:
+def _labels(ax: Axes, ends: Array, colors: Any) -> None:
     """Numbers of joints, from root to tip, at the right ends of their lines."""
     low, high = ax.get_ylim()
     heights = (ends - low) / (high - low)
     order = np.argsort(heights, kind="stable")
-    placed = spread(heights[order], look.apart)
+    placed = spread(heights[order], ChartLook.apart)
     for height, i in zip(placed, order, strict=True):
         ax.annotate(str(i + 1), (1, height), xycoords="axes fraction", xytext=(5, 0),
-                    textcoords="offset points", color=colors[i], fontsize=look.letters,
+                    textcoords="offset points", color=colors[i], fontsize=ChartLook.letters,
                     fontweight="bold", va="center")  # fmt: skip
 
 
-def draw_limits(ax: Axes, shares: list[LimitShare], look: ChartLook = ChartLook()) -> None:
+def draw_limits(ax: Axes, shares: list[LimitShare]) -> None:
     """The largest share of each kind of limit, in percent."""
     for share in shares:
         largest, _, _ = share.largest
         words = f"{share.kind}: up to {percent(largest)} %"
-        ax.plot(share.time, 100 * share.values, color=getattr(look, share.kind), linewidth=2,
+        ax.plot(share.time, 100 * share.values, color=getattr(ChartLook, share.kind), linewidth=2,
                 label=words)  # fmt: skip
     highest = max(100.0, *(100 * share.largest[0] for share in shares))
     ax.axhline(100, color=LOOK.over, linewidth=1.2, linestyle="--")

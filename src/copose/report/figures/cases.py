@@ -12,7 +12,7 @@ from copose.poses import Array
 from copose.problem import SPACES
 from copose.report.charts.legends import Entry, legend_entries, legend_grid
 from copose.report.figures.planar import scale_bar
-from copose.report.geometry.free_ranges import ranges
+from copose.report.geometry.shapes import ranges
 from copose.report.look import LOOK
 from copose.report.panels import Panel, Row, case_of, distance_words
 from copose.report.scene.planar import PlanarStage
@@ -38,32 +38,34 @@ class CasesLook:
     side: float = 0.2  # margin at the sides
 
 
-def cases_figure(rows: list[Row], heading: str, look: CasesLook = CasesLook()) -> Figure:
+def cases_figure(rows: list[Row], heading: str) -> Figure:
     """Scenes with their ellipsoids, at one scale."""
     cases = dict.fromkeys(case_of(p.posture) for row in rows for p in row.panels)
     names = [name for name in cases if name]
-    shown = names[: look.columns]
+    shown = names[: CasesLook.columns]
     if len(shown) < len(names):
         heading += f" (the first {len(shown)} of {len(names)} cases)"
     kept = [[p for p in row.panels if case_of(p.posture) in ("", *shown)] for row in rows]
     panels = [panel for row in kept for panel in row]
     planar = SPACES[panels[0].solution.problem.space].planar
-    scenes = (_PlanarScenes if planar else _SpatialScenes)(panels, look)
+    scenes = (_PlanarScenes if planar else _SpatialScenes)(panels)
     titles = [_title(panel) for panel in panels]
     # Axes in space have room for titles within them.
     lines = 1 + max(words.count("\n") for words in titles)
-    above = 0.35 + look.line * lines if planar else 0.45
-    head = 0.45 + look.line * len(scenes.words)
+    above = 0.35 + CasesLook.line * lines if planar else 0.45
+    head = 0.45 + CasesLook.line * len(scenes.words)
     row_tall = above + scenes.height + scenes.below
-    wide = max(scenes.left + (look.cell + look.between) * len(shown) + look.side, 6.5)
+    wide = max(
+        scenes.left + (CasesLook.cell + CasesLook.between) * len(shown) + CasesLook.side, 6.5
+    )
     entries = scenes.entries + [Entry.RANGES] * any(map(ranges, panels))
-    columns, legend_rows = legend_grid(entries, wide - 2 * look.side)
+    columns, legend_rows = legend_grid(entries, wide - 2 * CasesLook.side)
     tall = head + row_tall * len(rows) + 0.25 + 0.27 * legend_rows
     figure = Figure(figsize=(wide, tall))
-    x = look.side / wide
+    x = CasesLook.side / wide
     figure.suptitle(heading, fontweight="bold", x=x, y=1 - 0.1 / tall, ha="left", va="top")
     for k, (words, color) in enumerate(scenes.words):
-        y = 1 - (0.42 + look.line * k) / tall
+        y = 1 - (0.42 + CasesLook.line * k) / tall
         figure.text(x, y, words, fontsize=9.5, color=color, va="top")
     k = 0
     for i, (row, row_panels) in enumerate(zip(rows, kept, strict=True)):
@@ -72,9 +74,9 @@ def cases_figure(rows: list[Row], heading: str, look: CasesLook = CasesLook()) -
         for panel in row_panels:
             case = case_of(panel.posture)
             column = shown.index(case) if case else 0
-            left = scenes.left + (look.cell + look.between) * column
+            left = scenes.left + (CasesLook.cell + CasesLook.between) * column
             bottom = top - above - scenes.height
-            place = (left / wide, bottom / tall, look.cell / wide, scenes.height / tall)
+            place = (left / wide, bottom / tall, CasesLook.cell / wide, scenes.height / tall)
             first, last = panel is row_panels[0], panel is row_panels[-1]
             ax = scenes.draw(figure, place, k, first=first, last=last)
             ax.set_title(titles[k], loc="left", fontsize=10, y=None if planar else 0.92)
@@ -116,11 +118,11 @@ class _SpatialScenes:
         below: height of what is below each, inches.
     """
 
-    def __init__(self, panels: list[Panel], look: CasesLook) -> None:
+    def __init__(self, panels: list[Panel]) -> None:
         self._panels, self._stage = panels, SpatialStage.of(panels)
         self.words = [(kind.words(panels), kind.color) for kind in self._stage.kinds]
         self.entries = legend_entries(panels[0].solution.joint_names)
-        self.height, self.left, self.below = 4.2, look.side, 0.0
+        self.height, self.left, self.below = 4.2, CasesLook.side, 0.0
 
     def draw(
         self, figure: Figure, place: tuple[float, float, float, float], k: int, *,
@@ -141,13 +143,13 @@ class _PlanarScenes:
     left: float = 0.7
     below: float = 0.85
 
-    def __init__(self, panels: list[Panel], look: CasesLook) -> None:
+    def __init__(self, panels: list[Panel]) -> None:
         self._panels, self._stage = panels, PlanarStage.of(panels)
         self._low, self._high = self._stage.frame(panels, [])
         width, height = self._high - self._low
         arms = panels[0].solution.joint_names
         self.entries = legend_entries(arms, Entry.TOGETHER, Entry.ALONE)
-        self.height = look.cell * min(height / width, 1.3)
+        self.height = CasesLook.cell * min(height / width, 1.3)
 
     def draw(
         self, figure: Figure, place: tuple[float, float, float, float], k: int, *,

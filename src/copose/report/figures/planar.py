@@ -11,15 +11,19 @@ from matplotlib.lines import Line2D
 from matplotlib.transforms import ScaledTranslation
 
 from copose.poses import Array
-from copose.report.charts.exact_sets import SetPicture, draw_set, set_pictures
+from copose.report.charts.exact_sets import (
+    SetPicture,
+    draw_set,
+    draw_shares,
+    set_pictures,
+    share_panels,
+)
 from copose.report.charts.legends import Entry, legend_entries, legend_grid
-from copose.report.charts.torque_shares import draw_shares, share_panels
-from copose.report.geometry.free_ranges import ranges
+from copose.report.geometry.shapes import ranges
 from copose.report.geometry.slices import angular_slice, linear_slice
 from copose.report.look import LOOK
 from copose.report.panels import Panel, title
-from copose.report.scene.forces import draw_arrows, holding_arrows
-from copose.report.scene.planar import PlanarStage
+from copose.report.scene.planar import PlanarStage, draw_arrows, holding_arrows
 from copose.report.words import round_scale, semi_axis_units
 
 
@@ -49,25 +53,25 @@ class _PlanarLayout:
     scenes: float  # width of the scenes as a share of the whole; an exact set stands beside them
 
 
-def planar_figure(panels: list[Panel], heading: str, look: PlanarLook = PlanarLook()) -> Figure:
+def planar_figure(panels: list[Panel], heading: str) -> Figure:
     """Postures side by side at one scale, with every arm's own ellipse and the system's."""
     stage = PlanarStage.of(panels)
     sets, holding = set_pictures(panels), share_panels(panels)
     arrows, words = holding_arrows(panels[0].posture, stage.size) if sets else ([], "")
     low, high = stage.frame(panels, [tail for tail, _ in arrows])
-    wide = look.panel * (len(panels) + bool(sets)) + 0.6
+    wide = PlanarLook.panel * (len(panels) + bool(sets)) + 0.6
     entries = legend_entries(panels[0].solution.joint_names, Entry.TOGETHER, Entry.ALONE)
     entries += [Entry.RANGES] * any(map(ranges, panels))
     columns, rows = legend_grid(entries, wide)
     titles = [_title(panel) for panel in panels]
     lines = 1 + max(title.count("\n") for title in titles)
     below = 0.3 + 0.27 * rows
-    charts = look.charts if holding or len(sets) > 1 else 0.0
+    charts = PlanarLook.charts if holding or len(sets) > 1 else 0.0
     width, height = high - low
-    tall = look.panel * height / width + 1.0 + 0.24 * max(0, lines - 3)
-    tall = min(tall, look.tallest) + below + charts
+    tall = PlanarLook.panel * height / width + 1.0 + 0.24 * max(0, lines - 3)
+    tall = min(tall, PlanarLook.tallest) + below + charts
     if sets:
-        tall = max(tall, look.panel + 0.6 + below + charts)
+        tall = max(tall, PlanarLook.panel + 0.6 + below + charts)
     layout = _PlanarLayout(wide, tall, below, charts, len(panels) / (len(panels) + bool(sets)))
     figure = Figure(figsize=(wide, tall))
     axes = figure.subplots(1, len(panels), squeeze=False, sharex=True, sharey=True)[0]
@@ -86,9 +90,9 @@ def planar_figure(panels: list[Panel], heading: str, look: PlanarLook = PlanarLo
     figure.suptitle(heading, fontweight="bold", x=0.02, y=1 - 0.1 / tall, ha="left", va="top")
     _draw_legend(figure, panels, columns, scaled=bool(stage.scales))
     figure.subplots_adjust(
-        left=look.left / wide, right=layout.scenes - look.right / wide, wspace=look.between,
-        bottom=(below + charts + look.under) / tall,
-        top=1 - (look.head + look.line * lines) / tall,
+        left=PlanarLook.left / wide, right=layout.scenes - PlanarLook.right / wide,
+        wspace=PlanarLook.between, bottom=(below + charts + PlanarLook.under) / tall,
+        top=1 - (PlanarLook.head + PlanarLook.line * lines) / tall,
     )  # fmt: skip
     _draw_charts(figure, layout, sets, holding, named=len(panels) > 1)
     return figure

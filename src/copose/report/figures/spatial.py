@@ -9,15 +9,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from copose.report.charts.exact_sets import SetPicture, draw_set, set_pictures
+from copose.report.charts.exact_sets import (
+    SetPicture,
+    draw_set,
+    draw_shares,
+    set_pictures,
+    share_panels,
+)
 from copose.report.charts.legends import Entry, legend_below, legend_entries, legend_grid
-from copose.report.charts.torque_shares import draw_shares, share_panels
-from copose.report.geometry.free_ranges import ranges
+from copose.report.geometry.shapes import ranges
 from copose.report.look import LOOK
 from copose.report.panels import Panel, moved_words, title
-from copose.report.scene.forces import draw_arrows, holding_arrows
-from copose.report.scene.spatial import SpatialStage
-from copose.report.scene.spatial_slices import SliceKind
+from copose.report.scene.planar import draw_arrows, holding_arrows
+from copose.report.scene.spatial import SliceKind, SpatialStage
 from copose.report.words import short
 
 

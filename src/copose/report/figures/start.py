@@ -16,7 +16,7 @@ from copose.errors import InputError
 from copose.poses import Pose
 from copose.problem import Problem
 from copose.report.geometry.camera import View, best_view, frame, roomy
-from copose.report.geometry.link_bodies import LinkBodies, LinkBody
+from copose.report.geometry.hulls import LinkBodies, LinkBody
 from copose.report.geometry.shapes import (
     near_obstacles,
     object_points,
@@ -26,7 +26,7 @@ from copose.report.geometry.shapes import (
 from copose.report.look import LOOK, arm_colors
 from copose.report.scene import planar as planar_scene
 from copose.report.scene import spatial as spatial_scene
-from copose.report.scene.polygons import ON_TOP, Polygons
+from copose.report.scene.polygons import ON_TOP
 from copose.report.text.start import start_words
 from copose.report.words import short
 from copose.results import (
@@ -165,11 +165,7 @@ def _draw_spatial(
     low, high = roomy(np.vstack([known, *(body.points for body in around)]))
     size = float((high - low).max())
     frame(ax, low, high, ("x, m", "y, m", "z, m"), view, whole=True)
-    polygons = Polygons(view, size)
-    for body in around:
-        spatial_scene.draw_body(ax, polygons, body, view)
-    spatial_scene.draw_posture(ax, polygons, scene.posture, scene, links, size)
-    polygons.draw(ax)
+    spatial_scene.draw_posture(ax, view, size, scene.posture, scene, links, around).draw(ax)
     length = share * size
     for mark in named:
         for axis, color in zip(mark.pose.rotation.T, LOOK.axes, strict=True):
@@ -193,9 +189,6 @@ def _draw_planar(
     low, high = planar_scene.roomy(np.vstack([known, *(body.points for body in around)]), size)
     planar_scene.draw_bodies(ax, scene, low, high)
     planar_scene.draw_posture(ax, scene.posture, scene)
-    ax.set_xlim(low[0], high[0])
-    ax.set_ylim(low[1], high[1])
-    ax.set_aspect("equal")
     ax.set_xlabel("x, m")
     ax.set_ylabel("y, m")
     length = share * size

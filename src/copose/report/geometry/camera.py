@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from copose.poses import Array, Indices, Mask
-from copose.report.geometry.link_bodies import LinkBody
+from copose.report.geometry.hulls import LinkBody
 
 
 @dataclass(frozen=True)
@@ -72,20 +72,18 @@ class ViewOptions:
     points: int = 6  # points that stand for a body, besides its middle
 
 
-def best_view(
-    scenes: Sequence[tuple[Sequence[LinkBody], Array]], options: ViewOptions = ViewOptions()
-) -> View:
-    """The view in which links, and hands and object above all, are hidden least.
+def best_view(scenes: Sequence[tuple[Sequence[LinkBody], Array]]) -> View:
+    """The view in which links, and hands and object above all, are hidden least; of equally good
+    ones the nearest to the usual.
 
     Args:
         scenes: the links of each, and points of its object, (k, 3).
-        options: views that are compared; of equally good ones the nearest to the usual is taken.
     """
-    views = [View(e, a) for e in options.elevations for a in options.azimuths]
+    views = [View(e, a) for e in ViewOptions.elevations for a in ViewOptions.azimuths]
     eyes = np.array([view.axes[2] for view in views])
     seen, whole = np.zeros(len(views)), 0.0
     for links, thing in scenes:
-        points, weights, own = _sights(links, thing, options)
+        points, weights, own = _sights(links, thing)
         seen += _seen(points, own, links, eyes) @ weights
         whole += weights.sum()
     if not whole:
@@ -94,20 +92,20 @@ def best_view(
     first = views[0]
     turn = np.array([abs((v.azimuth - first.azimuth + 180) % 360 - 180) / 180 for v in views])
     raised = np.array([view.elevation for view in views]) > first.elevation
-    worth = seen / whole - options.better * (turn + raised)
+    worth = seen / whole - ViewOptions.better * (turn + raised)
     return views[int(worth.argmax())]
 
 
-def _sights(
-    links: Sequence[LinkBody], thing: Array, options: ViewOptions
-) -> tuple[Array, Array, Indices]:
+def _sights(links: Sequence[LinkBody], thing: Array) -> tuple[Array, Array, Indices]:
     """Points that are to be seen, (k, 3), their weights, (k,), and the link that each is of and
     that does not hide it, −1 for the object.
     """
     own = [k for k, link in enumerate(links) if link.arm is not None]
-    points = [_spread(body, options.points) for body in (*(links[k].points for k in own), thing)]
-    weights = [options.hand if links[k].last else options.link for k in own]
-    weights.append(options.held_object * len(own))
+    points = [
+        _spread(body, ViewOptions.points) for body in (*(links[k].points for k in own), thing)
+    ]
+    weights = [ViewOptions.hand if links[k].last else ViewOptions.link for k in own]
+    weights.append(ViewOptions.held_object * len(own))
     count = len(points[0])
     return np.vstack(points), np.repeat(weights, count) / count, np.repeat([*own, -1], count)
 

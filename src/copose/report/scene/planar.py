@@ -1,4 +1,4 @@
-"""Scenes in the plane: object, arms, ellipses, obstacles, and free ranges."""
+"""Scenes in the plane: object, arms, ellipses, obstacles; and, in space too, ranges and forces."""
 
 from __future__ import annotations
 
@@ -15,20 +15,53 @@ from matplotlib.patheffects import withStroke
 from copose.poses import Array
 from copose.problem import PlanarObstacle
 from copose.report.charts.legends import Entry
-from copose.report.geometry.free_ranges import ranges
-from copose.report.geometry.link_bodies import flat_links
+from copose.report.geometry.hulls import flat_links
 from copose.report.geometry.shapes import (
     cut,
     near_obstacles,
     object_outline,
     outline,
     planar_points,
+    ranges,
 )
 from copose.report.geometry.slices import Slice, all_coordinates, linear_slice
 from copose.report.look import LOOK, arm_colors
 from copose.report.panels import Drawn, Panel, holds, shared_scales
-from copose.report.words import short
+from copose.report.words import short, three
 from copose.results import Posture
+
+
+def holding_arrows(
+    posture: Posture, size: float, *, longest: float = 0.16
+) -> tuple[list[tuple[Array, Array]], str]:
+    """Contact forces that hold the object: arrows from tail to head at the grasp, and in words;
+    none where they are not known. The longest is a share of the scene's size, m.
+    """
+    wrenches = (posture.wrenches or {}).get("hold", {})
+    d = len(posture.object.position)
+    forces = {arm: np.array(record.wrench[:d]) for arm, record in wrenches.items()}
+    largest = max((float(np.linalg.norm(force)) for force in forces.values()), default=0.0)
+    if not largest:
+        return [], ""
+    arrows = []
+    for arm, force in forces.items():
+        head = np.array(posture.arms[arm].grasp[:d])
+        arrows.append((head - force * (longest * size / largest), head))
+    return arrows, f"contact forces holding it, up to {three(largest)} N"
+
+
+def draw_arrows(ax: Any, arrows: list[tuple[Array, Array]], words: str) -> None:
+    """Arrows from tail to head, in axes in the plane or in space, with an entry of the legend."""
+    for tail, head in arrows:
+        if ax.name == "3d":
+            ax.quiver(*tail, *(head - tail), color=LOOK.ink, linewidth=1.8, arrow_length_ratio=0.3)
+        else:
+            ax.annotate("", tuple(head), tuple(tail), zorder=7,
+                        arrowprops={"arrowstyle": "-|>", "color": LOOK.ink, "linewidth": 1.8,
+                                    "shrinkA": 0, "shrinkB": 0, "mutation_scale": 14})  # fmt: skip
+    if arrows:
+        ax.plot([], [], color=LOOK.ink, linewidth=1.8, label=words)
+
 
 Placed: TypeAlias = tuple[Array, Slice, str | None]
 """Centre, slice and arm of an ellipse; the system's has no arm."""
@@ -78,9 +111,6 @@ class PlanarStage:
         draw_posture(ax, panel.posture, panel.solution)
         _ellipses(ax, panel, self.placed[k], self.scales[k] if self.scales else 1.0)
         draw_ranges(ax, panel, 1.4, 7)
-        ax.set_xlim(low[0], high[0])
-        ax.set_ylim(low[1], high[1])
-        ax.set_aspect("equal")
 
 
 def roomy(points: Array, size: float) -> tuple[Array, Array]:
@@ -109,9 +139,12 @@ def _placed(panel: Panel) -> list[Placed]:
 def draw_bodies(
     ax: Axes, solution: Drawn, low: Array, high: Array, *, letter: float = 0.016
 ) -> None:
-    """Obstacles within limits of axes, each with its name in the middle of its visible part, or
-    below; a letter is such a share of the axes wide.
+    """Set the limits of axes at one scale, and draw obstacles within them, each with its name in
+    the middle of its visible part, or below; a letter is such a share of the axes wide.
     """
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(low[1], high[1])
+    ax.set_aspect("equal")
     for obstacle in solution.problem.obstacles:
         if not isinstance(obstacle, PlanarObstacle):
             continue

@@ -9,8 +9,7 @@ import numpy as np
 from rich.console import RenderableType
 
 from copose.report.studies.key_axes import in_lines, titled, value_words
-from copose.report.studies.map_content import MapContent
-from copose.report.studies.places import Ending, StudyPlaces
+from copose.report.studies.map_content import Ending, MapContent, StudyPlaces
 from copose.report.text.columns import counted, heading, lines, sections, table
 from copose.report.words import short, three
 from copose.studies.table import StudyTable
@@ -26,15 +25,12 @@ class StudyTableLook:
     letters: int = 11  # of a name among numbers
 
 
-def study_table(
-    study: StudyTable, most: int = 4, look: StudyTableLook = StudyTableLook()
-) -> RenderableType:
+def study_table(study: StudyTable, most: int = 4) -> RenderableType:
     """The tables of a study: what has become of its points, and the best of them.
 
     Args:
         study: the table.
         most: number of the best points that are told.
-        look: sizes.
     """
     content = MapContent.of(study)
     parts: list[RenderableType] = [heading(study.study.file.name, content.counts())]
@@ -42,8 +38,8 @@ def study_table(
     parts += _without_number(content)
     parts += lines(_reasons(content))
     places = _best_places(content, most)
-    for begin in range(0, len(places), look.beside):
-        parts.append(_best(content, places[begin : begin + look.beside], begin, look))
+    for begin in range(0, len(places), StudyTableLook.beside):
+        parts.append(_best(content, places[begin : begin + StudyTableLook.beside], begin))
     return sections(parts)
 
 
@@ -108,19 +104,19 @@ def _best_places(content: MapContent, count: int) -> list[int]:
     return [int(place) for place in order if content.places.solved[place]]
 
 
-def _best(
-    content: MapContent, places: list[int], begin: int, look: StudyTableLook
-) -> RenderableType:
+def _best(content: MapContent, places: list[int], begin: int) -> RenderableType:
     """Some of the best places beside one another: numbers, then the values of the keys."""
     names = [content.places.name, *(n for n in content.table.numbers if n != content.places.name)]
-    shown, keys = names[: 1 + look.record], content.axes[: look.keys]
+    shown, keys = names[: 1 + StudyTableLook.record], content.axes[: StudyTableLook.keys]
     rows = [_row(content.places.showing(name), name, places) for name in shown]
     for axis in keys:
         along = content.along(axis)
         cells = (axis.value(float(along[place])) for place in places)
-        rows.append([axis.title, *(in_lines(cell, look.letters) for cell in cells)])
-    if len(content.axes) > look.keys:
-        rows.append([f"and {len(content.axes) - look.keys} more keys", *[""] * len(places)])
+        rows.append([axis.title, *(in_lines(cell, StudyTableLook.letters) for cell in cells)])
+    if len(content.axes) > StudyTableLook.keys:
+        rows.append(
+            [f"and {len(content.axes) - StudyTableLook.keys} more keys", *[""] * len(places)]
+        )
     points = content.places.points[places].tolist()
     rows.append(["point", *map(str, points)])
     seeds = content.table.study.points.seeds

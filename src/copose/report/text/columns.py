@@ -19,15 +19,10 @@ def heading(name: str, text: str) -> Text:
     return Text.assemble((name, "bold"), f": {text}")
 
 
-def status_line(answer: Answer) -> Text:
-    """The status of a result, and its reason."""
-    said = ": ".join(filter(None, (answer.status, answer.reason)))
-    return heading(answer.problem.name, said)
-
-
 def answer_page(answer: Answer, tables: Iterable[RenderableType], evidence: Iterable[str]) -> Group:
     """A result: its status, its tables, its notes, and lines on how it was found."""
-    return sections([status_line(answer), *tables, *note_lines(answer.notes), *map(Text, evidence)])
+    status = heading(answer.problem.name, ": ".join(filter(None, (answer.status, answer.reason))))
+    return sections([status, *tables, *note_lines(answer.notes), *map(Text, evidence)])
 
 
 def sections(parts: Iterable[RenderableType]) -> Group:

@@ -12,7 +12,7 @@ from copose.report.panels import Comparison
 from copose.report.text.columns import joint_table, lines, sections, table
 from copose.report.text.ellipsoids import ellipsoid_rows
 from copose.report.text.limits import limit_lines, limit_values
-from copose.report.text.placement import is_angle, offset
+from copose.report.text.solution import is_angle, offset
 from copose.report.words import six, three
 from copose.results import Posture
 

@@ -142,16 +142,16 @@ class ArrowShape:
     sides: int = 10  # corners of a cross-section of it
 
 
-def arrow(shape: ArrowShape = ArrowShape()) -> Triangles:
+def arrow() -> Triangles:
     """An arrow of length 1 along z, from the origin."""
-    shaft, head, neck = shape.shaft, shape.head, 1 - shape.point
+    shaft, head, neck = ArrowShape.shaft, ArrowShape.head, 1 - ArrowShape.point
     return revolved(np.array([0, shaft, shaft, head, 0]), np.array([0, 0, neck, neck, 1.0]))
 
 
-def round_arrow(shape: ArrowShape = ArrowShape()) -> Triangles:
+def round_arrow() -> Triangles:
     """An arrow that goes round z at radius 1, counter-clockwise, and not all the way."""
-    shaft, point, sides = shape.shaft, shape.point, shape.sides
-    angles = np.linspace(0, shape.turn - 2 * point, shape.steps)
+    shaft, point, sides = ArrowShape.shaft, ArrowShape.point, ArrowShape.sides
+    angles = np.linspace(0, ArrowShape.turn - 2 * point, ArrowShape.steps)
     about = np.arange(sides) * 2 * np.pi / sides
     a, b = np.meshgrid(angles, about, indexing="ij")
     out = 1 + 2 * shaft * np.cos(b)
@@ -159,14 +159,14 @@ def round_arrow(shape: ArrowShape = ArrowShape()) -> Triangles:
     k = np.arange(sides)
     after = (k + 1) % sides
     faces = []
-    for step in range(shape.steps - 1):
+    for step in range(ArrowShape.steps - 1):
         low, high = step * sides, (step + 1) * sides
         faces.append(np.column_stack([low + k, high + k, high + after]))
         faces.append(np.column_stack([low + k, high + after, low + after]))
     end = angles[-1]
     ahead = np.array([-np.sin(end), np.cos(end), 0.0])
     place = np.array([np.cos(end), np.sin(end), 0.0])
-    head = revolved(np.array([0, 2 * shape.head, 0]), np.array([0, 0, 2 * point]))
+    head = revolved(np.array([0, 2 * ArrowShape.head, 0]), np.array([0, 0, 2 * point]))
     head = head.placed(Pose.make(place, turned_to(ahead), np.zeros(4)))
     return joined([Triangles(vertices.reshape(-1, 3), np.vstack(faces)), head])
 
@@ -179,19 +179,19 @@ class SlabOptions:
     around: int = 72  # corners of a disk
 
 
-def _box(primitive: Primitive, slab: SlabOptions) -> Triangles:
-    return box(np.array([*primitive.size, slab.thickness][:3]))
+def _box(primitive: Primitive) -> Triangles:
+    return box(np.array([*primitive.size, SlabOptions.thickness][:3]))
 
 
-def _sphere(primitive: Primitive, slab: SlabOptions) -> Triangles:
+def _sphere(primitive: Primitive) -> Triangles:
     (radius,) = primitive.size
     if primitive.flat:
-        return cylinder(radius, slab.thickness, slab.around)
+        return cylinder(radius, SlabOptions.thickness, SlabOptions.around)
     return capsule(radius, 0.0)
 
 
-def _box_edges(primitive: Primitive, slab: SlabOptions) -> Array:
-    half = np.array([*primitive.size, slab.thickness][:3]) / 2
+def _box_edges(primitive: Primitive) -> Array:
+    half = np.array([*primitive.size, SlabOptions.thickness][:3]) / 2
     ends = [
         [np.insert([a, b], axis, end) for end in (-1, 1)]
         for axis in range(3) for a in (-1, 1) for b in (-1, 1)
@@ -199,33 +199,33 @@ def _box_edges(primitive: Primitive, slab: SlabOptions) -> Array:
     return np.array(ends) * half
 
 
-def _sphere_edges(primitive: Primitive, slab: SlabOptions) -> Array:
+def _sphere_edges(primitive: Primitive) -> Array:
     """The rim of a disk's upper side; none of a sphere."""
     if not primitive.flat:
         return np.zeros((0, 2, 3))
     (radius,) = primitive.size
-    return circle() * [radius, radius, 0.0] + [0, 0, slab.thickness / 2]
+    return circle() * [radius, radius, 0.0] + [0, 0, SlabOptions.thickness / 2]
 
 
-TRIANGLES: dict[str, Callable[[Primitive, SlabOptions], Triangles]] = {
+TRIANGLES: dict[str, Callable[[Primitive], Triangles]] = {
     "box": _box,
     "sphere": _sphere,
-    "cylinder": lambda primitive, _slab: cylinder(primitive.size[0], primitive.size[1]),
-    "capsule": lambda primitive, _slab: capsule(primitive.size[0], primitive.size[1]),
+    "cylinder": lambda primitive: cylinder(primitive.size[0], primitive.size[1]),
+    "capsule": lambda primitive: capsule(primitive.size[0], primitive.size[1]),
 }
 # Of the kinds that have edges.
-EDGES: dict[str, Callable[[Primitive, SlabOptions], Array]] = {
+EDGES: dict[str, Callable[[Primitive], Array]] = {
     "box": _box_edges,
     "sphere": _sphere_edges,
 }
 
 
-def primitive_triangles(primitive: Primitive, slab: SlabOptions = SlabOptions()) -> Triangles:
-    """The surface of a primitive in its own frame; of a planar one that of a slab."""
-    return TRIANGLES[primitive.kind](primitive, slab)
+def primitive_triangles(primitive: Primitive) -> Triangles:
+    """The surface of a primitive in its own frame; of a planar one that of a SlabOptions."""
+    return TRIANGLES[primitive.kind](primitive)
 
 
-def primitive_edges(primitive: Primitive, slab: SlabOptions = SlabOptions()) -> Array:
+def primitive_edges(primitive: Primitive) -> Array:
     """Edges of a box or a slab, m, (e, 2, 3); none of other primitives."""
     edges = EDGES.get(primitive.kind)
-    return np.zeros((0, 2, 3)) if edges is None else edges(primitive, slab)
+    return np.zeros((0, 2, 3)) if edges is None else edges(primitive)

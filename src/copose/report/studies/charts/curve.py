@@ -14,8 +14,7 @@ from copose.poses import Array, Indices
 from copose.report.look import LOOK
 from copose.report.studies.charts.endings import draw_endings, ending_words, hatch_of, shown_endings
 from copose.report.studies.charts.key_scales import broken, cell_edges, label_scale
-from copose.report.studies.map_content import MapContent
-from copose.report.studies.places import Codes
+from copose.report.studies.map_content import Codes, MapContent
 from copose.report.words import three
 
 
@@ -36,21 +35,18 @@ class Switch:
     arms: tuple[str, ...]  # that take it
 
 
-def branch_switches(
-    along: Array, joints: Sequence[Mapping[str, Any] | None], rule: SwitchRule = SwitchRule()
-) -> list[Switch]:
+def branch_switches(along: Array, joints: Sequence[Mapping[str, Any] | None]) -> list[Switch]:
     """The switches along a curve.
 
     The step of an arm is max_k |Δq_k| between two neighbours without whole turns. Where the best
     posture stays on its branch, it follows the point smoothly and steps are in proportion to the
-    distance of the neighbours; so a switch is a step that is larger than ``rule.least`` and larger
-    than ``rule.times`` its arm's median rate times that distance.
+    distance of the neighbours; so a switch is a step that is larger than ``SwitchRule.least`` and
+    larger than ``SwitchRule.times`` its arm's median rate times that distance.
 
     Args:
         along: places on the axis, ascending.
         joints: at each by arm, or by case and arm; None where there is no posture, and no
             neighbour.
-        rule: the rule.
     """
     by_arm = [None if each is None else _flat(each) for each in joints]
     pairs = [
@@ -63,7 +59,9 @@ def branch_switches(
     for arm in by_arm[pairs[0]] or ():
         steps = np.array([_step(by_arm[i], by_arm[i + 1], arm) for i in pairs])
         usual = float(np.median(steps / apart))
-        for k in np.flatnonzero((steps > rule.least) & (steps > rule.times * usual * apart)):
+        for k in np.flatnonzero(
+            (steps > SwitchRule.least) & (steps > SwitchRule.times * usual * apart)
+        ):
             jumping.setdefault(pairs[int(k)], []).append(arm)
     return [
         Switch(float(along[i] + along[i + 1]) / 2, tuple(arms))
@@ -174,7 +172,7 @@ def _draw_best(ax: Axes, content: MapContent) -> None:
 
 def _switches(along: Array, order: Indices, content: MapContent) -> list[Switch]:
     """The switches along the curve; none of very many points."""
-    if len(along) > SwitchRule().most_points:
+    if len(along) > SwitchRule.most_points:
         return []
     points, solved = content.places.points[order].tolist(), content.places.solved[order]
     lines = [content.table.line(p) if s else None for p, s in zip(points, solved, strict=True)]

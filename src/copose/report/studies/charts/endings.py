@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from copose.poses import Array
 from copose.report.look import LOOK
-from copose.report.studies.map_content import MapContent
-from copose.report.studies.places import Codes, Ending
+from copose.report.studies.map_content import Codes, Ending, MapContent
 
 
 @dataclass(frozen=True)
@@ -33,22 +32,20 @@ class EndingLook:
     markers: tuple[str, ...] = ("x", "+", "1", "2", "3", "4")  # where points are no cells
 
 
-def hatch_of(
-    ending: Ending, content: MapContent, look: EndingLook = EndingLook()
-) -> dict[str, Any]:
+def hatch_of(ending: Ending, content: MapContent) -> dict[str, Any]:
     """Keywords of a patch."""
     if not ending.arms:
         failed = ending.status == "failed"
-        color = LOOK.over if failed else look.other_color
-        hatch, light = look.failed if failed else look.other, 1.0
+        color = LOOK.over if failed else EndingLook.other_color
+        hatch, light = EndingLook.failed if failed else EndingLook.other, 1.0
     else:
         several = len(ending.arms) > 1
         k = content.arms.index(ending.arms[0]) if ending.arms[0] in content.arms else 0
-        color = look.several_color if several else LOOK.arms[k % len(LOOK.arms)]
-        hatch = look.several if several else look.arms[k % len(look.arms)]
-        light = look.light if ending.status == "failed" else 1.0
+        color = EndingLook.several_color if several else LOOK.arms[k % len(LOOK.arms)]
+        hatch = EndingLook.several if several else EndingLook.arms[k % len(EndingLook.arms)]
+        light = EndingLook.light if ending.status == "failed" else 1.0
     return {
-        "facecolor": to_rgba(color, look.tint * light),
+        "facecolor": to_rgba(color, EndingLook.tint * light),
         "edgecolor": to_rgba(color, light),
         "hatch": hatch,
         "linewidth": 0,
@@ -111,14 +108,12 @@ def _outline(cells: NDArray[np.bool_], x: Array, y: Array) -> Path:
     return Path(corners.reshape(-1, 2), np.tile(np.array(codes, dtype=Path.code_type), len(left)))
 
 
-def draw_ending_marks(
-    ax: Axes, along: tuple[Array, Array], content: MapContent, look: EndingLook = EndingLook()
-) -> None:
+def draw_ending_marks(ax: Axes, along: tuple[Array, Array], content: MapContent) -> None:
     """Mark points that have no number, by what they have come to; one artist for each ending."""
     for k, (code, ending) in enumerate(shown_endings(content)):
         here, color = content.places.codes == code, hatch_of(ending, content)["edgecolor"]
         ax.plot(
             along[0][here], along[1][here], linestyle="", markersize=5, zorder=1,
-            marker=look.markers[k % len(look.markers)], color=color,
+            marker=EndingLook.markers[k % len(EndingLook.markers)], color=color,
             label=ending_words(ending, content),
         )  # fmt: skip

@@ -45,14 +45,14 @@ class ValueScale:
     below: bool  # whether some numbers are below the colours
 
     @classmethod
-    def of(cls, values: Array, look: HeatLook = HeatLook()) -> ValueScale:
+    def of(cls, values: Array) -> ValueScale:
         """Colours of some values, nan where there is none; few outliers do not stretch it."""
         known = values[np.isfinite(values)]
         if not known.size:
             return cls(0.0, 1.0, below=False)
         low, high = float(known.min()), float(known.max())
-        usual = float(np.quantile(known, look.low_share, method="higher"))
-        if usual - low > look.outlying * (high - low):
+        usual = float(np.quantile(known, HeatLook.low_share, method="higher"))
+        if usual - low > HeatLook.outlying * (high - low):
             return cls(usual, high, below=True)
         if not high - low > 1e-9 * max(abs(low), abs(high)):
             half = 0.5 * max(abs(low), 1e-9)
@@ -67,7 +67,7 @@ class ValueScale:
     @property
     def keywords(self) -> dict[str, Any]:
         """Keywords of what is coloured by it."""
-        return {"cmap": HeatLook().colors, "norm": self.norm}
+        return {"cmap": HeatLook.colors, "norm": self.norm}
 
     def levels(self, count: int) -> Array:
         """Round numbers between the two ends."""
@@ -81,7 +81,7 @@ def draw_color_bar(
     """The colour bar of a picture, with the lines of its contours; none where nothing is solved."""
     if not content.places.solved.any():
         return
-    mappable = ScalarMappable(norm=scale.norm, cmap=HeatLook().colors)
+    mappable = ScalarMappable(norm=scale.norm, cmap=HeatLook.colors)
     bar = figure.colorbar(mappable, ax=axes, extend="min" if scale.below else "neither", **place)
     bar.set_label(content.title)
     bar.ax.tick_params(labelsize=9)
@@ -91,8 +91,7 @@ def draw_color_bar(
 
 
 def draw_heat(
-    ax: Axes, content: MapContent, scale: ValueScale, layer: int | None = None, *,
-    look: HeatLook = HeatLook(),
+    ax: Axes, content: MapContent, scale: ValueScale, layer: int | None = None,
 ) -> Any:  # fmt: skip
     """A heat map of a grid along the first two axes of a map; where it has a third axis, of a layer
     along that.
@@ -107,19 +106,17 @@ def draw_heat(
     y, rows = _ascending(content, 1)
     values, codes = values[np.ix_(columns, rows)], codes[np.ix_(columns, rows)]
     edges = cell_edges(x), cell_edges(y)
-    _draw_cells(ax, edges, values, scale, look)
+    _draw_cells(ax, edges, values, scale)
     draw_endings(ax, codes, edges, content)
     ax.set(xlim=edges[0][[0, -1]], ylim=edges[1][[0, -1]])
     if content.axes[1].labels is not None:
         ax.invert_yaxis()
-    return _draw_contours(ax, (x, y), values, content, scale, look)
+    return _draw_contours(ax, (x, y), values, content, scale)
 
 
-def _draw_cells(
-    ax: Axes, edges: tuple[Array, Array], values: Array, scale: ValueScale, look: HeatLook
-) -> None:
+def _draw_cells(ax: Axes, edges: tuple[Array, Array], values: Array, scale: ValueScale) -> None:
     """Colour cells; of very many those that pixels would leave out are left out."""
-    steps = [max(1, -(-size // look.finest)) for size in values.shape]
+    steps = [max(1, -(-size // HeatLook.finest)) for size in values.shape]
     x, y = (np.append(edge[:-1][::step], edge[-1]) for edge, step in zip(edges, steps, strict=True))
     ax.pcolorfast(x, y, values[:: steps[0], :: steps[1]].T, **scale.keywords)
 
@@ -133,15 +130,14 @@ def _ascending(content: MapContent, k: int) -> tuple[Array, Any]:
 
 def _draw_contours(
     ax: Axes, centres: tuple[Array, Array], values: Array, content: MapContent, scale: ValueScale,
-    look: HeatLook,
 ) -> Any:  # fmt: skip
     """Lines of equal numbers; None where the grid is too coarse, too fine or of names."""
     if any(axis.labels is not None for axis in content.axes[:2]) or not (
-        look.contoured <= min(values.shape) <= max(values.shape) <= look.most_contoured
+        HeatLook.contoured <= min(values.shape) <= max(values.shape) <= HeatLook.most_contoured
     ):
         return None
     known = np.isfinite(values)
-    levels = scale.levels(look.contours)
+    levels = scale.levels(HeatLook.contours)
     if known.any():
         low, high = values[known].min(), values[known].max()
         levels = levels[(levels > low) & (levels < high)]
@@ -170,12 +166,12 @@ def label_keys(ax: Axes, content: MapContent, *, which: str = "xy", few: int | N
         label_scale(ax, name, content.axes[k], along, titled=name in which, few=few)  # type: ignore[arg-type]
 
 
-def chosen_layers(content: MapContent, look: HeatLook = HeatLook()) -> list[int]:
+def chosen_layers(content: MapContent) -> list[int]:
     """Rows of the third axis that have a slice, evenly chosen, that of the best among them."""
     count = len(content.table.study.points.axes[content.axes[2].number].rows or ())
-    if count <= look.slices:
+    if count <= HeatLook.slices:
         return list(range(count))
-    layers: Indices = np.linspace(0, count - 1, look.slices).round().astype(np.intp)
+    layers: Indices = np.linspace(0, count - 1, HeatLook.slices).round().astype(np.intp)
     if content.best is not None:
         best = content.table.study.points.indices(int(content.places.points[content.best]))
         layer = best[content.axes[2].number]
@@ -183,12 +179,10 @@ def chosen_layers(content: MapContent, look: HeatLook = HeatLook()) -> list[int]
     return [int(layer) for layer in layers]
 
 
-def draw_dots(
-    ax: Axes, content: MapContent, scale: ValueScale, *, look: HeatLook = HeatLook()
-) -> None:
+def draw_dots(ax: Axes, content: MapContent, scale: ValueScale) -> None:
     """A sample over two keys: a dot a point, or the largest number of each of many cells."""
-    if len(content.places) > look.dots:
-        draw_largest(ax, content, scale, cells=look.cells)
+    if len(content.places) > HeatLook.dots:
+        draw_largest(ax, content, scale, cells=HeatLook.cells)
         return
     along = [apart(content, k) for k in (0, 1)]
     draw_ending_marks(ax, (along[0], along[1]), content)
@@ -232,7 +226,7 @@ def draw_largest(
         np.fmax.at(largest, cell, content.places.values[part])
         met[cell[content.places.done[part]]] = True
     grey = np.where(np.isnan(largest) & met, 1.0, np.nan)
-    ax.pcolorfast(*edges, grey.reshape(shape).T, cmap=ListedColormap([HeatLook().unsolved]))
+    ax.pcolorfast(*edges, grey.reshape(shape).T, cmap=ListedColormap([HeatLook.unsolved]))
     ax.pcolorfast(*edges, largest.reshape(shape).T, **scale.keywords)
     if content.axes[1].labels is not None:
         ax.invert_yaxis()

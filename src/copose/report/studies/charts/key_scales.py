@@ -26,7 +26,7 @@ class ScaleLook:
 
 def label_scale(
     ax: Axes, which: Literal["x", "y"], axis: KeyAxis, along: Array, *, titled: bool = True,
-    few: int | None = None, look: ScaleLook = ScaleLook(),
+    few: int | None = None,
 ) -> None:  # fmt: skip
     """Name an axis, where it is titled, and tick it along a key's different values, ascending, with
     ``few`` ticks at most where there is little room.
@@ -36,28 +36,28 @@ def label_scale(
         scale.set_label_text(axis.title)
     scale.set_tick_params(labelsize=9)
     if axis.labels is not None:
-        _name_ticks(ax, which, axis.labels, look)
+        _name_ticks(ax, which, axis.labels)
     elif few is not None:
         ax.locator_params(axis=which, nbins=few)
-    elif len(along) <= look.ticked:
+    elif len(along) <= ScaleLook.ticked:
         scale.set_ticks(along, [f"{value:.4g}" for value in along])
 
 
-def _name_ticks(ax: Axes, which: str, labels: Sequence[str], look: ScaleLook) -> None:
+def _name_ticks(ax: Axes, which: str, labels: Sequence[str]) -> None:
     """Names at the ticks of an axis; below it they are turned where they do not fit."""
-    step = -(-len(labels) // look.named)
+    step = -(-len(labels) // ScaleLook.named)
     shown, places = labels[::step], range(0, len(labels), step)
     if which == "y":
-        ax.set_yticks(places, [in_lines(label, look.letters) for label in shown])
+        ax.set_yticks(places, [in_lines(label, ScaleLook.letters) for label in shown])
         return
     figure = ax.get_figure(root=True)
     assert figure is not None
     inches = ax.get_window_extent().width / figure.dpi
-    room = min(look.letters, int(look.inch * inches / len(shown)) - 1)
-    if room >= min(look.level, max(map(len, shown))):
+    room = min(ScaleLook.letters, int(ScaleLook.inch * inches / len(shown)) - 1)
+    if room >= min(ScaleLook.level, max(map(len, shown))):
         ax.set_xticks(places, [in_lines(label, room) for label in shown])
         return
-    names = [in_lines(label, look.letters) for label in shown]
+    names = [in_lines(label, ScaleLook.letters) for label in shown]
     ax.set_xticks(places, names, rotation=35, ha="right", rotation_mode="anchor")
 
 

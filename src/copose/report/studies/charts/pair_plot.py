@@ -27,7 +27,7 @@ class BinOptions:
     points: int = 12  # that a bin has at least, of a key with many different values
 
 
-def first_order_share(along: Array, values: Array, options: BinOptions = BinOptions()) -> float:
+def first_order_share(along: Array, values: Array) -> float:
     """The share of the variance of some values that a key alone explains, from 0 to 1.
 
     It is the first-order index S = Var(E[value | key]) / Var(value), estimated by bins of the key
@@ -36,13 +36,13 @@ def first_order_share(along: Array, values: Array, options: BinOptions = BinOpti
     so that these need not add up to 1.
 
     Args:
-        along: the key at each point, (count,).
+        along: the key at each point, (count,), cut into bins of about equal counts; few different
+            values are a bin each.
         values: finite, (count,).
-        options: how the key is cut into bins of about equal counts; few values are a bin each.
     """
     count = len(values)
     total = float(((values - values.mean()) ** 2).sum()) if count else 0.0
-    bins = _bins(along, options)
+    bins = _bins(along)
     number = int(bins.max(initial=-1)) + 1
     if number < 2 or count <= number or total <= 1e-24 * count * float((values**2).max()):
         return 0.0
@@ -53,10 +53,10 @@ def first_order_share(along: Array, values: Array, options: BinOptions = BinOpti
     return min(max((between - (number - 1) * within) / total, 0.0), 1.0)
 
 
-def _bins(along: Array, options: BinOptions) -> Indices:
+def _bins(along: Array) -> Indices:
     """The number of the bin of each point, without empty bins."""
     different = np.unique(along)
-    most = max(2, min(options.most, len(along) // options.points))
+    most = max(2, min(BinOptions.most, len(along) // BinOptions.points))
     if len(different) > most:
         edges = np.quantile(along, np.linspace(0, 1, most + 1)[1:-1])
         along = np.searchsorted(np.unique(edges), along, side="right").astype(float)
@@ -89,12 +89,12 @@ class KeyShare:
     solved: float | None
 
 
-def key_shares(content: MapContent, look: PairLook = PairLook()) -> list[KeyShare]:
+def key_shares(content: MapContent) -> list[KeyShare]:
     """How much each key counts for the number, the most first, and for whether there is one."""
-    step = slice(None, None, -(-len(content.places) // look.counted))
+    step = slice(None, None, -(-len(content.places) // PairLook.counted))
     values, solved = content.places.values[step], content.places.solved[step]
     done = content.places.done[step]
-    mixed = min(solved.sum(), done.sum() - solved.sum()) >= look.mixed
+    mixed = min(solved.sum(), done.sum() - solved.sum()) >= PairLook.mixed
     shares = []
     for axis in content.axes:
         along = content.along(axis)[step]
@@ -104,25 +104,23 @@ def key_shares(content: MapContent, look: PairLook = PairLook()) -> list[KeyShar
     return sorted(shares, key=lambda share: -share.value)
 
 
-def most_important(content: MapContent, look: PairLook = PairLook()) -> MapContent:
+def most_important(content: MapContent) -> MapContent:
     """The map with no more keys than charts have room for, the most important first."""
-    first = [share.axis for share in key_shares(content)][: look.keys]
+    first = [share.axis for share in key_shares(content)][: PairLook.keys]
     return replace(content, axes=tuple(first))
 
 
-def draw_pair(
-    ax: Axes, content: MapContent, scale: ValueScale, look: PairLook = PairLook()
-) -> None:
+def draw_pair(ax: Axes, content: MapContent, scale: ValueScale) -> None:
     """Two keys, coloured by the number: points, the best in front; of many, and of a grid, the
     largest number in each cell whatever the other keys are.
     """
     solved, values = content.places.solved, content.places.values
-    if len(solved) > look.dots or not content.sampled:
-        draw_largest(ax, content, scale, cells=look.cells)
+    if len(solved) > PairLook.dots or not content.sampled:
+        draw_largest(ax, content, scale, cells=PairLook.cells)
     else:
         along = apart(content, 0), apart(content, 1)
         ax.plot(along[0][~solved], along[1][~solved], linestyle="", marker="x", markersize=3,
-                color=look.unsolved, zorder=1)  # fmt: skip
+                color=PairLook.unsolved, zorder=1)  # fmt: skip
         order = np.flatnonzero(solved)[np.argsort(values[solved])]
         ax.scatter(along[0][order], along[1][order], c=values[order], s=14, edgecolor="none",
                    rasterized=True, zorder=2, **scale.keywords)  # fmt: skip
@@ -160,11 +158,9 @@ def draw_importance(ax: Axes, content: MapContent) -> None:
               borderaxespad=0.1)  # fmt: skip
 
 
-def draw_parallel(
-    ax: Axes, content: MapContent, scale: ValueScale, look: PairLook = PairLook()
-) -> None:
+def draw_parallel(ax: Axes, content: MapContent, scale: ValueScale) -> None:
     """Parallel coordinates: a line for each of some solved points, the best ones in front."""
-    chosen = _chosen_lines(content.places.values, look)
+    chosen = _chosen_lines(content.places.values)
     heights, ends = zip(*(_heights(content, axis, chosen) for axis in content.axes), strict=True)
     count = len(content.axes)
     lines = np.stack([np.broadcast_to(np.arange(count), (len(chosen), count)),
@@ -179,7 +175,7 @@ def draw_parallel(
     for k, (axis, (low, high)) in enumerate(zip(content.axes, ends, strict=True)):
         ax.plot([k, k], [0, 1], color=LOOK.ink, linewidth=1, zorder=3)
         if axis.labels is not None:
-            _name_rows(ax, k, axis.labels, look)
+            _name_rows(ax, k, axis.labels)
         else:
             ax.text(k, -0.03, axis.value(low), ha="center", va="top", fontsize=9)
             ax.text(k, 1.03, axis.value(high), ha="center", va="bottom", fontsize=9)
@@ -188,24 +184,24 @@ def draw_parallel(
     ax.axis("off")
 
 
-def _name_rows(ax: Axes, k: int, labels: Sequence[str], look: PairLook) -> None:
+def _name_rows(ax: Axes, k: int, labels: Sequence[str]) -> None:
     """Names beside an axis of parallel coordinates, towards the inside of the chart."""
     last = len(labels) - 1
-    for row in sorted({*range(0, last + 1, -(-len(labels) // look.named)), last}):
+    for row in sorted({*range(0, last + 1, -(-len(labels) // PairLook.named)), last}):
         ax.annotate(in_lines(labels[row], 22), (k, row / max(last, 1)), xytext=(7, 0), va="center",
                     textcoords="offset points", fontsize=8, zorder=5,
                     bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6},
                     )  # fmt: skip
 
 
-def _chosen_lines(values: Array, look: PairLook) -> Indices:
+def _chosen_lines(values: Array) -> Indices:
     """Solved points that have a line: the best, and of the others some by rank; the best last."""
     solved = np.flatnonzero(np.isfinite(values))
     ranked = solved[np.argsort(values[solved], kind="stable")]
-    if len(ranked) <= look.lines:
+    if len(ranked) <= PairLook.lines:
         return ranked
-    others, first = ranked[: -look.first], ranked[-look.first :]
-    some = np.linspace(0, len(others) - 1, look.lines - look.first).round().astype(np.intp)
+    others, first = ranked[: -PairLook.first], ranked[-PairLook.first :]
+    some = np.linspace(0, len(others) - 1, PairLook.lines - PairLook.first).round().astype(np.intp)
     return np.concatenate([others[some], first])
 
 
