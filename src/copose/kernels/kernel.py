@@ -27,7 +27,7 @@ class Kernel:
 
     def __init__(self, x: ca.SX, p: ca.SX, y: ca.SX) -> None:
         """The kernel of an expression y, (ny,), of symbols x, (nx,), and p, (np,)."""
-        self._expressions = [x, p], [ca.cse(ca.densify(ca.vec(y)))]
+        self._expressions = [x, p], [ca.densify(ca.vec(y))]
         self._function = ca.Function("kernel", *self._expressions)
         self._nx, self._np, self._ny = x.numel(), p.numel(), y.numel()
         self._evaluate: Callable[..., None] | None = None
@@ -51,7 +51,9 @@ class Kernel:
     def code(self) -> cache.Code:
         """The code that it is compiled from."""
         sizes = (self._nx, self._np, self._ny)
-        return cache.Code(source.c_source(self._function), sizes)
+        inputs, (y,) = self._expressions
+        # What stands twice is computed once: the same bits, and worth its time only here.
+        return cache.Code(source.c_source(ca.Function("kernel", inputs, [ca.cse(y)])), sizes)
 
     @property
     def compiled(self) -> bool:

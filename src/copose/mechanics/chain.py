@@ -114,7 +114,8 @@ def _turned(frame: Frame, joint: Joint, q: ca.SX) -> Frame:
     along = np.outer(joint.axis, joint.axis)
     across, turned = np.eye(3) - along, skew(joint.axis)
     # The sines of half the angle serve both: these are most of what a closure costs.
-    c, s = ca.cos(q / 2), ca.sin(q / 2)
+    half_angle = q / 2
+    c, s = ca.cos(half_angle), ca.sin(half_angle)
     turn = constant(along) + constant(across) * (1 - 2 * s**2) + constant(turned) * (2 * c * s)
     half = ca.vertcat(c, constant(joint.axis) * s)
     return Frame(

@@ -231,15 +231,12 @@ def _along_line(q: ca.SX, held: ca.SX, residual: ca.SX, terms: ca.SX, weights: c
     R, size = ca.triu(R[:m, :]), ca.fabs(ca.diag(R[:m, :]))
     t, multipliers = t * (1 - ca.mmax(held)), ca.solve(R, along[:m])
     # Second derivatives along t alone, of the Lagrangian with these multipliers.
-    step, ahead, forces = ca.SX.sym("step"), ca.SX.sym("ahead", n), ca.SX.sym("forces", m)
-    change, turn = (
-        ca.jacobian(ca.substitute(part, q, q + step * ahead), step) for part in (terms, residual)
-    )
-    bend = ca.dot(weights, ca.jacobian(change, step)) - ca.dot(forces, ca.jacobian(turn, step))
+    ahead, forces = ca.SX.sym("ahead", n), ca.SX.sym("forces", m)
+    change, turn = ca.jtimes(terms, q, ahead), ca.jtimes(residual, q, ahead)
+    bend = ca.dot(weights, ca.jtimes(change, q, ahead)) - ca.dot(forces, ca.jtimes(turn, q, ahead))
     there = ca.substitute(
-        ca.vertcat(change, bend),
-        ca.vertcat(step, ahead, forces), ca.vertcat(0, t, multipliers),
-    )  # fmt: skip
+        ca.vertcat(change, bend), ca.vertcat(ahead, forces), ca.vertcat(t, multipliers)
+    )
     left = slope - J.T @ multipliers
     return ca.vertcat(
         t, multipliers, left, slope, there, ca.mmin(size) / ca.mmax(size), ca.vec(J.T)
