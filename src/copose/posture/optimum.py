@@ -1,4 +1,4 @@
-"""Where local searches end: at local optima, and as a run of IPOPT tells."""
+"""Ends of local searches: local optima, and what a run of IPOPT tells of itself."""
 
 from __future__ import annotations
 
