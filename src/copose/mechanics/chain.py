@@ -84,12 +84,12 @@ class Chain:
     tip: Frame  # tip frame
 
     @classmethod
-    def of(cls, arm: Arm, q: ca.SX) -> Chain:
-        """The chain of an arm at joint positions q."""
+    def of(cls, arm: Arm, q: ca.SX, *, halved: bool = False) -> Chain:
+        """The chain of an arm at joint positions q, by sines of them, or of half of them alone."""
         frame = Frame(ca.SX(3, 1), ca.SX.eye(3), ca.SX(ca.DM([1, 0, 0, 0])))
         frames, axes = [], []
         for i, joint in enumerate(arm.joints):
-            frame = _turned(frame.moved(joint.placement), joint, q[i])
+            frame = _turned(frame.moved(joint.placement), joint, q[i], halved)
             frames.append(frame)
             axes.append(frame.rotation @ constant(joint.axis))
         return cls(arm, q, tuple(frames), tuple(axes), frame.moved(arm.tip))
@@ -106,17 +106,17 @@ class Chain:
         return ca.horzcat(*columns)
 
 
-def _turned(frame: Frame, joint: Joint, q: ca.SX) -> Frame:
+def _turned(frame: Frame, joint: Joint, q: ca.SX, halved: bool) -> Frame:
     """The frame after its joint has moved by q."""
     if joint.kind == "prismatic":
         shift = frame.rotation @ constant(joint.axis) * q
         return Frame(frame.position + shift, frame.rotation, frame.quaternion)
     along = np.outer(joint.axis, joint.axis)
     across, turned = np.eye(3) - along, skew(joint.axis)
-    # The sines of half the angle serve both: these are most of what a closure costs.
     half_angle = q / 2
     c, s = ca.cos(half_angle), ca.sin(half_angle)
-    turn = constant(along) + constant(across) * (1 - 2 * s**2) + constant(turned) * (2 * c * s)
+    cosine, sine = (1 - 2 * s**2, 2 * c * s) if halved else (ca.cos(q), ca.sin(q))
+    turn = constant(along) + constant(across) * cosine + constant(turned) * sine
     half = ca.vertcat(c, constant(joint.axis) * s)
     return Frame(
         frame.position, frame.rotation @ turn, multiply_quaternions(frame.quaternion, half)
